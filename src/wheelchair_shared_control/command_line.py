@@ -1,4 +1,5 @@
 """What every command line of the package shares: output options, one-line failures, progress bars."""
+import argparse
 import json
 import math
 import os
@@ -13,6 +14,13 @@ from wheelchair_shared_control.errors import Error
 
 class OutputError(Error):
     """A result cannot be written where it was asked for."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose refusal is one line, exit code 2."""
+
+    def error(self, message):
+        self.exit(2, "%s: %s\n" % (self.prog, message))
 
 
 def add_output_options(parser):
