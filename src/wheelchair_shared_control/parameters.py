@@ -95,10 +95,7 @@ def package_file(relative):
 
 def table(group):
     """All rows of a group as {name: P}, with the rows of what it includes."""
-    try:
-        module = importlib.import_module("%s.parameter_tables.%s" % (PACKAGE, group))
-    except ImportError:
-        raise ParameterError("no parameter group '%s'" % group)
+    module = _module(group)
     rows = {row.name: row for row in module.TABLE}
     for name in getattr(module, "INCLUDES", ()):
         rows.update({name + "/" + key: row for key, row in table(name).items()})
@@ -116,6 +113,9 @@ def load(group, given=None, source=""):
         given = _defaults(group)
         source = source or "config/%s.yaml" % group
     where = source or group
+    given_rows = getattr(_module(group), "given_rows", None)  # rows whose names the user chooses
+    if given_rows is not None:
+        rows.update((row.name, row) for row in given_rows(given))
     # rows of kind dict take their sub-dictionary whole (observation sources have names of their own)
     flat = _flatten(given, {name for name, row in rows.items() if row.kind is dict}, where)
     unknown = [key for key in flat if key not in rows]
@@ -152,8 +152,15 @@ def read_yaml(path):
     return content
 
 
+def _module(group):
+    try:
+        return importlib.import_module("%s.parameter_tables.%s" % (PACKAGE, group))
+    except ImportError:
+        raise ParameterError("no parameter group '%s'" % group)
+
+
 def _defaults(group):
-    module = importlib.import_module("%s.parameter_tables.%s" % (PACKAGE, group))
+    module = _module(group)
     values = read_yaml(package_file("config/%s.yaml" % group))
     for name in getattr(module, "INCLUDES", ()):
         values[name] = _defaults(name)

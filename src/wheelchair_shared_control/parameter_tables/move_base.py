@@ -1,0 +1,73 @@
+"""Parameters of the navigation node: the local costmap and its sources, then the planner."""
+from wheelchair_shared_control.parameters import P
+
+INCLUDES = ["wheelchair"]
+
+TABLE = [
+    # --- local costmap: names as in costmap_2d where it has the same thing --------------------------------
+    P("local_costmap/global_frame", str, "", None, None, "frame that the window is aligned with"),
+    P("local_costmap/robot_base_frame", str, "", None, None, "frame of the chair"),
+    P("local_costmap/update_frequency", float, "Hz", 1.0, 50.0, "updates of the grid"),
+    P("local_costmap/publish_frequency", float, "Hz", 0.0, 50.0, "grids sent out; 0: none"),
+    P("local_costmap/width", float, "m", 2.0, 20.0, "side of the window along x"),
+    P("local_costmap/height", float, "m", 2.0, 20.0, "side of the window along y"),
+    P("local_costmap/resolution", float, "m", 0.01, 0.1, "side of a cell"),
+    P("local_costmap/rolling_window", bool, "", None, None, "the window follows the chair (only true is offered)",
+      (True,)),
+    P("local_costmap/transform_tolerance", float, "s", 0.0, 2.0, "how long a transform may be late"),
+    P("local_costmap/footprint_padding", float, "m", 0.0, 0.2, "added to every edge of the footprint"),
+    P("local_costmap/always_send_full_costmap", bool, "", None, None, "full grids instead of updates"),
+    P("local_costmap/track_unknown_space", bool, "", None, None, "unknown is 255 (-1 on the wire), else free"),
+    P("local_costmap/observation_sources", str, "", None, None, "names of the sources, separated by blanks"),
+    P("local_costmap/inflation_radius", float, "m", 0.0, 3.0, "reach of the cost about a lethal cell"),
+    P("local_costmap/cost_scaling_factor", float, "1/m", 0.1, 100.0, "decay k of floor(252 exp(-k (d - r)))"),
+    # --- local costmap: ours -----------------------------------------------------------------------------
+    P("local_costmap/lethal_probability", float, "", 0.5, 0.95, "a cell is lethal from this probability on"),
+    P("local_costmap/hit", float, "", 0.0, 5.0, "log-odds that one clear hit adds"),
+    P("local_costmap/miss", float, "", 0.0, 5.0, "log-odds that one look through a cell takes away"),
+    P("local_costmap/log_odds_min", float, "", -5.0, 0.0, "least log-odds; near 0 an intruder shows at once"),
+    P("local_costmap/log_odds_max", float, "", 0.5, 5.0, "largest log-odds; small, so that the newest look wins"),
+    P("local_costmap/start_margin", float, "m", 0.0, 1.0, "ground about the first footprint taken as free"),
+    P("local_costmap/floor_tolerance", float, "m", 0.01, 0.2, "returns this far below the floor are drop-offs"),
+    P("local_costmap/pitch_tolerance", float, "rad", 0.0, 0.1, "error of the camera's pitch that is tracked"),
+    P("local_costmap/floor_near", float, "m", 0.0, 5.0, "from this distance of the camera on the floor must be seen"),
+    P("local_costmap/floor_far", float, "m", 0.0, 5.0, "up to this distance of the camera the floor must be seen"),
+    P("local_costmap/static_time", float, "s", 0.0, 60.0, "what was seen for so long out of view is kept for good"),
+    P("local_costmap/memory_time", float, "s", 0.1, 600.0, "what was seen more briefly is forgotten after this"),
+    P("local_costmap/distance_cap", float, "m", 0.1, 10.0, "distances are measured up to this"),
+]
+
+# --- planner ---------------------------------------------------------------------------------------------
+TABLE += [
+]
+
+DATA_TYPES = ("Image", "PointCloud2", "LaserScan", "Range")
+
+
+def source_rows(name):
+    """The rows of one observation source, as costmap_2d names them."""
+    key = "local_costmap/" + name + "/"
+    return [
+        P(key + "topic", str, "", None, None, "topic; for Image the camera_info lies beside it; for Range a prefix"),
+        P(key + "sensor_frame", str, "", None, None, "frame of the sensor; empty: that of the message"),
+        P(key + "data_type", str, "", None, None, "type of the message", DATA_TYPES),
+        P(key + "marking", bool, "", None, None, "may mark obstacles"),
+        P(key + "clearing", bool, "", None, None, "may clear obstacles"),
+        P(key + "min_obstacle_height", float, "m", -1.0, 3.0, "lowest return that marks"),
+        P(key + "max_obstacle_height", float, "m", 0.0, 3.0, "highest return that marks"),
+        P(key + "obstacle_range", float, "m", 0.1, 20.0, "farthest return that marks"),
+        P(key + "raytrace_range", float, "m", 0.1, 20.0, "how far rays clear"),
+        P(key + "inf_is_valid", bool, "", None, None, "+Inf says that nothing is within range (REP 117)"),
+        P(key + "expected_update_rate", float, "s", 0.0, 60.0, "interval between messages; 0: not required"),
+    ]
+
+
+def given_rows(given):
+    """Rows of the sources that ``given`` (nested parameters) describes: their names are the user's."""
+    costmap = given.get("local_costmap")
+    if not isinstance(costmap, dict):
+        return []
+    names = [name for name, value in costmap.items() if isinstance(value, dict)]
+    listed = costmap.get("observation_sources", "")
+    names += [name for name in (listed.split() if isinstance(listed, str) else ()) if name not in names]
+    return [row for name in names for row in source_rows(name)]
