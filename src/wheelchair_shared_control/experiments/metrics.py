@@ -102,11 +102,6 @@ def path_length(log):
     return float(np.hypot(*np.diff(log.truth[:, :2], axis=0).T).sum()) if len(log.time) > 1 else 0.0
 
 
-def passed(rearmost: float) -> bool:
-    """Whether a chair whose rearmost point is ``rearmost`` [m] past the plane has crossed the door."""
-    return rearmost >= PAST_THE_DOOR
-
-
 def corner_path(footprint, poses):
     """Longest path [m] of any footprint corner along ``poses`` (n, 3): how far a chair moved, turning included."""
     front, rear, side = footprint.front, footprint.rear, footprint.half_width

@@ -1,0 +1,114 @@
+"""Figures of a crossing: the track over the scene, and who steered (after the paper's Fig. 5)."""
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+from matplotlib.patches import Polygon  # noqa: E402
+
+from wheelchair_shared_control import footprint as footprints  # noqa: E402
+from wheelchair_shared_control import se2  # noqa: E402
+from wheelchair_shared_control.experiments import metrics  # noqa: E402
+
+USER, PLANNER, SENT, WALL = "#3b6fb6", "#d9822b", "#2c2c2c", "#6b6b6b"
+PHASE_SHADES = ("#eef3fa", "#fdf3e3", "#eef7ee")
+
+
+def crossing(log, world, door, footprint, title):
+    """Figure with the top view on the left, turn rates, shares and clearance over time on the right."""
+    figure = plt.figure(figsize=(11.0, 6.2), dpi=110)
+    layout = figure.add_gridspec(3, 2, width_ratios=(1.0, 1.25), height_ratios=(1.5, 1.0, 1.0), hspace=0.18, wspace=0.2)
+    top_view(figure.add_subplot(layout[:, 0]), log, world, door, footprint)
+    turn = figure.add_subplot(layout[0, 1])
+    turn_rates(turn, log, footprint)
+    share = figure.add_subplot(layout[1, 1], sharex=turn)
+    speeds(share, log, footprint)
+    clearances = figure.add_subplot(layout[2, 1], sharex=turn)
+    clearance(clearances, log, footprint)
+    for axes in (turn, share):
+        axes.tick_params(labelbottom=False)
+    clearances.set_xlabel("time [s]")
+    figure.suptitle(title, x=0.02, ha="left", fontsize=11)
+    figure.subplots_adjust(left=0.06, right=0.985, top=0.92, bottom=0.09)
+    return figure
+
+
+def top_view(axes, log, world, door, footprint, every=0.7):
+    """The world around the door from above, in the door's frame, with the footprint each ``every`` seconds."""
+    to_door = se2.inverse(door.pose)
+    for box in world.boxes:
+        outline = _box_corners(box)
+        axes.add_patch(Polygon(se2.transform_points(to_door, outline), closed=True, color=WALL, linewidth=0))
+    axes.plot(log.truth[:, 0], log.truth[:, 1], color=SENT, linewidth=1.2)
+    next_time = -np.inf
+    for time, pose in zip(log.time, log.truth):
+        if time >= next_time:
+            next_time = time + every
+            axes.add_patch(
+                Polygon(footprints.corners(footprint, pose), closed=True, fill=False, edgecolor=USER, linewidth=0.8)
+            )
+    if len(log.truth):
+        low, high = log.truth[:, :2].min(axis=0) - 1.0, log.truth[:, :2].max(axis=0) + 1.0
+        axes.set_xlim(min(low[0], -1.5), max(high[0], 1.5))
+        axes.set_ylim(min(low[1], -1.5), max(high[1], 1.5))
+    axes.set_aspect("equal")
+    axes.set_xlabel("past the door plane [m]")
+    axes.set_ylabel("left of the door's axis [m]")
+
+
+def turn_rates(axes, log, footprint):
+    """Commanded and executed turn rates; light: what the user asked beyond the planner, dark: what was carried out."""
+    time = log.time - (log.time[0] if len(log.time) else 0.0)
+    _shade_phases(axes, time, metrics.phases(log, footprint), label=True)
+    w_user, w_planner, w_blend = log.user[:, 1], log.planner[:, 1], log.blended[:, 1]
+    axes.fill_between(time, w_planner, w_user, color="0.84", linewidth=0, label="user's, not executed")
+    axes.fill_between(time, w_planner, w_blend, color="0.55", linewidth=0, label="user's, executed")
+    axes.plot(time, w_user, color=USER, linewidth=1.0, label="user")
+    axes.plot(time, w_planner, color=PLANNER, linewidth=1.0, label="planner")
+    axes.plot(time, log.sent[:, 1], color=SENT, linewidth=1.2, label="sent")
+    axes.set_ylabel("turn rate [rad/s]")
+    axes.set_ylim(-1.15, 1.15)
+    axes.legend(ncol=3, fontsize=7, loc="lower right", framealpha=0.9)
+
+
+def speeds(axes, log, footprint):
+    """Speeds of user, planner and chair."""
+    time = log.time - (log.time[0] if len(log.time) else 0.0)
+    _shade_phases(axes, time, metrics.phases(log, footprint))
+    axes.plot(time, log.user[:, 0], color=USER, linewidth=1.0)
+    axes.plot(time, log.planner[:, 0], color=PLANNER, linewidth=1.0)
+    axes.plot(time, log.sent[:, 0], color=SENT, linewidth=1.2)
+    axes.set_ylabel("speed [m/s]")
+
+
+def clearance(axes, log, footprint):
+    """The true clearance, with the user's weight beta."""
+    time = log.time - (log.time[0] if len(log.time) else 0.0)
+    _shade_phases(axes, time, metrics.phases(log, footprint))
+    axes.plot(time, log.clearance, color=SENT, linewidth=1.2, label="clearance [m]")
+    axes.plot(time, log.beta, color=USER, linewidth=1.0, label="beta")
+    axes.set_ylim(0.0, 1.05)
+    axes.set_ylabel("clearance, beta")
+    axes.legend(ncol=2, fontsize=7, loc="upper right", framealpha=0.9)
+
+
+def _shade_phases(axes, time, phase, label=False):
+    for index, name in enumerate(metrics.PHASES):
+        inside = np.flatnonzero(phase == index)
+        if not inside.size:
+            continue
+        begin, end = time[inside[0]], time[min(inside[-1] + 1, len(time) - 1)]
+        axes.axvspan(begin, end, color=PHASE_SHADES[index], linewidth=0)
+        if label:
+            axes.annotate(
+                name, ((begin + end) / 2.0, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom",
+                fontsize=8, color="0.3",
+            )
+    if len(time):
+        axes.set_xlim(time[0], max(time[-1], time[0] + 1e-3))
+
+
+def _box_corners(box):
+    half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * box[4:6]
+    return se2.transform_points((box[0], box[1], box[3]), half)

@@ -1,0 +1,47 @@
+"""Collects the ticks of an episode into a log, in-process and in ROS alike."""
+import numpy as np
+
+from wheelchair_shared_control import se2
+from wheelchair_shared_control.experiments import metrics
+
+
+class Recorder:
+    """Takes one row a blending tick; ``log()`` gives them as arrays."""
+
+    def __init__(self, door_pose):
+        self._world_to_door = se2.inverse(door_pose)
+        self._rows = []
+
+    def add(self, truth, state, stopped, assisted, clearance):
+        """Add a tick.
+
+        ``truth`` is ``Odometry`` in world, ``state`` has the fields of ``BlendState``, ``clearance`` [m] is the
+        true one, ``stopped`` whether guard or fault held the chair.
+        """
+        self._rows.append(
+            (
+                truth.stamp, se2.compose(self._world_to_door, truth.pose), truth.twist,
+                _pair(state.user), _pair(state.planner), _pair(state.blended), _pair(state.sent),
+                (state.d_l, state.d_f, state.d_r, state.v), (state.sigma_l, state.sigma_r),
+                np.nan if state.beta is None else state.beta, state.guard, stopped, assisted, clearance,
+            )
+        )
+
+    def __len__(self):
+        return len(self._rows)
+
+    def log(self):
+        """The ticks so far as a ``metrics.Log``."""
+        shapes = ((), (3,), (2,), (2,), (2,), (2,), (2,), (4,), (2,), (), (), (), (), ())
+        kinds = (float,) * 10 + (int, bool, bool, float)
+        columns = list(zip(*self._rows)) or [()] * len(shapes)
+        return metrics.Log(
+            *(
+                np.array(column, dtype=kind).reshape((len(self._rows),) + shape)
+                for column, shape, kind in zip(columns, shapes, kinds)
+            )
+        )
+
+
+def _pair(command):
+    return (np.nan, np.nan) if command is None else (command[0], command[1])

@@ -1,0 +1,80 @@
+"""The result of an episode as the dictionary that every command prints and stores."""
+import numpy as np
+
+from wheelchair_shared_control.experiments import metrics
+
+GUARD_FREE = 0
+
+
+def of_log(seed, verdict, log, footprint, extra=None):
+    """Result of a driven episode: outcome, times, clearance, shares; ``extra`` fields come last."""
+    clearance = log.clearance[np.isfinite(log.clearance)]
+    started = log.time[0] if len(log.time) else 0.0
+    result = {
+        "seed": int(seed),
+        "outcome": verdict.outcome,
+        "reason": verdict.reason,
+        "duration_s": float(log.time[-1] - started) if len(log.time) else 0.0,
+        "min_clearance_m": float(clearance.min()) if clearance.size else None,
+        "user_share": metrics.shares(log, footprint),
+        "v_share": metrics.mean_or_none(metrics.speed_share_of_ticks(log)),
+        "beta": metrics.mean_or_none(np.where(log.assisted, log.beta, np.nan)),
+        "guard_active": metrics.mean_or_none(log.guard != GUARD_FREE),
+        "path_length_m": metrics.path_length(log),
+    }
+    result.update(extra or {})
+    return result
+
+
+def not_driven(seed, verdict):
+    """Result of an episode that could not begin."""
+    return {
+        "seed": int(seed), "outcome": verdict.outcome, "reason": verdict.reason, "duration_s": None,
+        "min_clearance_m": None, "user_share": {name: None for name in ("all",) + metrics.PHASES},
+        "v_share": None, "beta": None, "guard_active": None, "path_length_m": None,
+    }
+
+
+def sentence(result):
+    """One line for people about one episode."""
+    if result["outcome"] == "no_start":
+        return "seed %d: no start: %s" % (result["seed"], result["reason"])
+    shares = ", ".join(
+        "%s %s" % (name, _percent(result["user_share"][name])) for name in ("all",) + metrics.PHASES
+    )
+    return "seed %d: %s (%s) in %.1f s, smallest clearance %s; user's share: %s" % (
+        result["seed"], result["outcome"], result["reason"], result["duration_s"],
+        _metres(result["min_clearance_m"]), shares,
+    )
+
+
+def table(summary):
+    """A few lines for people about many episodes."""
+    rate = summary["success_rate"]
+    lines = [
+        "%d episodes: %d crossed, %d with contact, %d refused, %d without a start"
+        % (summary["episodes"], summary["successes"], summary["contacts"], summary["refused"], summary["no_start"])
+    ]
+    if rate["n"]:
+        lines.append(
+            "crossed %.1f %% (95 %% interval %.1f to %.1f, n = %d)"
+            % (100 * rate["value"], 100 * rate["low"], 100 * rate["high"], rate["n"])
+        )
+        lines.append(
+            "smallest clearance %s, 5th percentile %s; guard active in %s of the ticks"
+            % (_metres(summary["min_clearance_m"]), _metres(summary["clearance_p05_m"]),
+               _percent(summary["guard_active"]))
+        )
+        lines.append(
+            "user's share: "
+            + ", ".join("%s %s" % (k, _percent(summary["user_share"][k])) for k in ("all",) + metrics.PHASES)
+        )
+    return "\n".join(lines)
+
+
+def _percent(value):
+    return "-" if value is None else "%.0f %%" % (100.0 * value)
+
+
+def _metres(value):
+    return "-" if value is None else "%.3f m" % value
