@@ -39,6 +39,28 @@ TABLE = [
 
 # --- planner ---------------------------------------------------------------------------------------------
 TABLE += [
+    P("controller_frequency", float, "Hz", 2.0, 100.0, "commands"),
+    P("planner_frequency", float, "Hz", 0.1, 20.0, "searches for a better path while one is followed"),
+    P("controller_patience", float, "s", 0.1, 60.0, "without a legal command: then recovery, then abort"),
+    P("planner_patience", float, "s", 0.1, 60.0, "without a path: then recovery, then abort"),
+    P("oscillation_timeout", float, "s", 0.0, 60.0, "without progress by the distance: then abort; 0: never"),
+    P("oscillation_distance", float, "m", 0.01, 5.0, "motion that counts as progress (a turn: of the outer corner)"),
+    P("recovery_behavior_enabled", bool, "", None, None, "clear the costmap out of the footprint's reach"),
+    P("costmap_timeout", float, "s", 0.05, 5.0, "oldest grid that is driven on"),
+    P("odom_timeout", float, "s", 0.05, 5.0, "oldest odometry that is driven on"),
+    P("planner/max_vel_x", float, "m/s", 0.05, 2.0, "forward speed"),
+    P("planner/min_vel_x", float, "m/s", -1.0, 0.0, "reverse speed; 0: never reverses"),
+    P("planner/max_vel_theta", float, "rad/s", 0.05, 3.0, "turn rate"),
+    P("planner/acc_lim_x", float, "m/s2", 0.05, 5.0, "acceleration"),
+    P("planner/acc_lim_theta", float, "rad/s2", 0.05, 10.0, "turn acceleration"),
+    P("planner/xy_goal_tolerance", float, "m", 0.01, 1.0, "distance from the goal that counts as reached"),
+    P("planner/yaw_goal_tolerance", float, "rad", 0.01, 3.2, "heading off the goal's that counts as reached"),
+    P("planner/sim_time", float, "s", 0.2, 5.0, "how far candidate trajectories are driven ahead"),
+    P("planner/max_expansions", int, "", 100, 200000, "states that one search may expand"),
+    P("planner/speed_at_contact", float, "m/s", 0.02, 1.0, "speed with no clearance at all"),
+    P("planner/speed_per_clearance", float, "1/s", 0.0, 20.0, "speed gained per metre of clearance"),
+    P("planner/speed_in_unknown", float, "m/s", 0.02, 1.0, "speed towards ground that was not seen"),
+    P("planner/min_clearance", float, "m", 0.0, 0.2, "least distance to a lethal cell's centre that is planned"),
 ]
 
 DATA_TYPES = ("Image", "PointCloud2", "LaserScan", "Range")

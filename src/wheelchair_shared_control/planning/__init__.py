@@ -1,0 +1,1 @@
+"""Planning in the rolling window: path search, refinement, following, and the navigation state machine."""

@@ -1,0 +1,146 @@
+"""Clearance of the true footprint polygon, read from the costmap's distance field by compiled kernels.
+
+The field holds for each cell the distance [m] of its centre to the nearest lethal cell's centre. A pose's
+clearance is the smallest field value on the polygon's outline; points on the polygon's spine catch what stands
+inside it. Cells outside the window count as far from everything.
+"""
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from wheelchair_shared_control import footprint as footprints
+
+
+class Field(NamedTuple):
+    """What the kernels read: ``distance`` (rows, cols) float32 [m], ``known`` (rows, cols) bool, and
+    ``frame`` (3,) float64: x and y [m] of the outer corner of cell [0, 0], resolution [m]."""
+
+    distance: np.ndarray
+    known: np.ndarray
+    frame: np.ndarray
+
+
+class Body(NamedTuple):
+    """A sampled footprint in ``base_link``: ``outline`` (n, 2), ``spine`` (m,) x of points with y = 0,
+    ``half_width``, ``reach`` (distance of the outermost corner from ``middle``), ``middle`` x of the centre."""
+
+    outline: np.ndarray
+    spine: np.ndarray
+    half_width: float
+    reach: float
+    middle: float
+
+
+FAR = 2.0
+
+
+def make_field(snapshot):
+    """Field of a costmap snapshot."""
+    frame = np.array([snapshot.origin[0], snapshot.origin[1], snapshot.resolution], dtype=np.float64)
+    return Field(
+        np.ascontiguousarray(snapshot.distance, dtype=np.float32),
+        np.ascontiguousarray(snapshot.known, dtype=np.bool_),
+        frame,
+    )
+
+
+def make_body(footprint, spacing=0.05):
+    """Body of a Footprint, its outline sampled at most every ``spacing`` [m], corners included."""
+    corners = footprints.corners(footprint)
+    outline = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0)):
+        n = int(np.ceil(np.hypot(*(b - a)) / spacing))
+        outline.append(a + (b - a) * (np.arange(n) / n)[:, None])
+    half = min(footprint.half_width, footprint.length / 2.0)
+    n = int(np.ceil((footprint.length - 2.0 * half) / 0.1)) + 1
+    spine = np.linspace(footprint.rear + half, footprint.front - half, n)
+    return Body(
+        np.ascontiguousarray(np.concatenate(outline)),
+        spine,
+        float(half),
+        float(np.hypot(footprint.length / 2.0, footprint.half_width)),
+        float((footprint.front + footprint.rear) / 2.0),
+    )
+
+
+@njit(cache=True)
+def field_at(distance, frame, x, y):
+    """Bilinear field value [m] at a point; FAR outside the window."""
+    rows, cols = distance.shape
+    u = (x - frame[0]) / frame[2] - 0.5
+    v = (y - frame[1]) / frame[2] - 0.5
+    if not (u >= 0.0 and v >= 0.0 and u < cols - 1 and v < rows - 1):
+        return FAR
+    i, j = int(v), int(u)
+    a, b = v - i, u - j
+    low = distance[i, j] * (1.0 - b) + distance[i, j + 1] * b
+    high = distance[i + 1, j] * (1.0 - b) + distance[i + 1, j + 1] * b
+    return low * (1.0 - a) + high * a
+
+
+@njit(cache=True)
+def field_gradient(distance, frame, x, y):
+    """Value [m] and gradient (d/dx, d/dy) of the bilinear field."""
+    rows, cols = distance.shape
+    u = (x - frame[0]) / frame[2] - 0.5
+    v = (y - frame[1]) / frame[2] - 0.5
+    if not (u >= 0.0 and v >= 0.0 and u < cols - 1 and v < rows - 1):
+        return FAR, 0.0, 0.0
+    i, j = int(v), int(u)
+    a, b = v - i, u - j
+    d00, d01 = distance[i, j], distance[i, j + 1]
+    d10, d11 = distance[i + 1, j], distance[i + 1, j + 1]
+    low = d00 * (1.0 - b) + d01 * b
+    high = d10 * (1.0 - b) + d11 * b
+    gx = ((d01 - d00) * (1.0 - a) + (d11 - d10) * a) / frame[2]
+    gy = (high - low) / frame[2]
+    return low * (1.0 - a) + high * a, gx, gy
+
+
+@njit(cache=True)
+def known_at(known, frame, x, y):
+    """Whether a point's cell was seen; False outside the window."""
+    col = int(np.floor((x - frame[0]) / frame[2]))
+    row = int(np.floor((y - frame[1]) / frame[2]))
+    if row < 0 or col < 0 or row >= known.shape[0] or col >= known.shape[1]:
+        return False
+    return known[row, col]
+
+
+@njit(cache=True)
+def clearance(distance, frame, outline, spine, half_width, reach, middle, cap, x, y, yaw):
+    """Clearance [m] of the polygon at a pose, at most ``cap``; negative where something stands inside it."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    d = field_at(distance, frame, x + c * middle, y + s * middle)
+    if d >= reach + cap:
+        return cap
+    best = cap
+    for k in range(spine.shape[0]):
+        d = field_at(distance, frame, x + c * spine[k], y + s * spine[k]) - half_width
+        if d < -0.02 and d < best:
+            best = d
+    if best < 0.0:
+        return best
+    for k in range(outline.shape[0]):
+        px, py = outline[k, 0], outline[k, 1]
+        d = field_at(distance, frame, x + c * px - s * py, y + s * px + c * py)
+        if d < best:
+            best = d
+    return best
+
+
+@njit(cache=True)
+def clearances(distance, frame, outline, spine, half_width, reach, middle, cap, poses):
+    """Clearance (n,) [m] of poses (n, 3)."""
+    out = np.empty(poses.shape[0])
+    for k in range(poses.shape[0]):
+        out[k] = clearance(distance, frame, outline, spine, half_width, reach, middle, cap,
+                           poses[k, 0], poses[k, 1], poses[k, 2])
+    return out
+
+
+def of_poses(field, body, poses, cap=0.5):
+    """Clearance (n,) [m] of poses (n, 3) in the field's frame."""
+    poses = np.ascontiguousarray(np.atleast_2d(poses), dtype=np.float64)
+    return clearances(field.distance, field.frame, *body, cap, poses)
