@@ -1,6 +1,6 @@
 """ROS messages to values and back.
 
-Works on any object with the fields of the message (rospy's, rosbags'), so that nodes, bags and tests share it.
+Works on any object with the fields of the message (from topics or from bags), so that nodes, bags and tests share it.
 Functions that fill a message take the empty message as an argument: nothing here imports a message package.
 """
 import numpy as np
@@ -25,7 +25,7 @@ FLOAT32 = 7
 
 
 def seconds(stamp):
-    """A stamp of rospy (secs, nsecs) or rosbags (sec, nanosec) as seconds."""
+    """A stamp from a topic (secs, nsecs) or a bag (sec, nanosec) as seconds."""
     if hasattr(stamp, "secs"):
         return stamp.secs + 1e-9 * stamp.nsecs
     return stamp.sec + 1e-9 * stamp.nanosec

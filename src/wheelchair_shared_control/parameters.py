@@ -105,7 +105,7 @@ def table(group):
 def load(group, given=None, source=""):
     """Checked settings of ``group``.
 
-    ``given`` is a nested dictionary (``rospy.get_param("~")``); without it the numbers of
+    ``given`` is a nested dictionary (a node's private parameters); without it the numbers of
     ``config/<group>.yaml`` are read. ``source`` names the giver in messages. Raises ParameterError.
     """
     rows = table(group)
