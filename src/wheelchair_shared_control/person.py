@@ -1,0 +1,132 @@
+"""How a person's eye and hand follow a path: late, noisy, and aware of both.
+
+The person sees the truth ``delay`` seconds late, carries it on in mind with the stick's own history, and steers
+with a hand that moves at a finite rate. Poses are in the door's frame (x along the normal, 0 at the plane).
+"""
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from wheelchair_shared_control import se2
+from wheelchair_shared_control.values import STOP, Twist
+
+
+class Hand:
+    """The stick: finite rate, and noise that fades where the stick rests (signal-dependent noise)."""
+
+    def __init__(self, settings, rng):
+        self._settings, self._rng = settings, rng
+        self._twist, self._noise, self._last = STOP, np.zeros(2), None
+
+    def update(self, now, wanted):
+        """The stick's command ``Twist`` on its way to ``wanted``."""
+        dt = 0.0 if self._last is None else max(0.0, now - self._last)
+        self._last = now
+        rates = self._settings.hand
+        v = self._twist.v + np.clip(wanted.v - self._twist.v, -rates.speed_rate * dt, rates.speed_rate * dt)
+        w = self._twist.w + np.clip(wanted.w - self._twist.w, -rates.turn_rate * dt, rates.turn_rate * dt)
+        self._twist = Twist(float(v), float(w))
+        noise = self._settings.noise
+        keep = np.exp(-dt / noise.time)
+        self._noise = keep * self._noise + np.sqrt(1.0 - keep * keep) * self._rng.standard_normal(2)
+        effort = min(1.0, abs(v) / 0.1 + abs(w) / 0.2)
+        return Twist(
+            float(v + effort * noise.speed * self._noise[0]), float(w + effort * noise.turn * self._noise[1])
+        )
+
+
+class Eye:
+    """Where the person believes the chair is now: seen late, carried on with the stick's history."""
+
+    def __init__(self, settings):
+        self._delay = settings.delay
+        actuation = settings.wheelchair.actuation
+        self._dead_time = settings.anticipation * actuation.dead_time
+        self._lag = max(1e-3, settings.anticipation * actuation.lag)
+        self._seen, self._pushed = deque(), deque()
+
+    def saw(self, stamp, pose, twist):
+        """Light falls in: pose (3,) and velocity at ``stamp`` [s]."""
+        if self._seen and stamp < self._seen[-1][0]:
+            self._seen.clear()
+            self._pushed.clear()
+        self._seen.append((stamp, np.asarray(pose, dtype=float), twist))
+
+    def pushed(self, now, command):
+        """The stick's command from ``now`` on."""
+        self._pushed.append((now, command))
+
+    def believed(self, now):
+        """Believed pose (3,) and velocity ``Twist`` at ``now``."""
+        while len(self._seen) > 1 and self._seen[1][0] <= now - self._delay + 1e-9:
+            self._seen.popleft()
+        stamp, pose, twist = self._seen[0]
+        while len(self._pushed) > 1 and self._pushed[1][0] <= stamp - self._dead_time:
+            self._pushed.popleft()
+        v, w = twist
+        dt = 0.05
+        for moment in np.arange(stamp, now - 1e-9, dt):
+            dt_now = min(dt, now - moment)
+            command = self._command_at(moment - self._dead_time)
+            if command is not None:
+                share = 1.0 - np.exp(-dt_now / self._lag)
+                v, w = v + share * (command.v - v), w + share * (command.w - w)
+            pose = se2.integrate(pose, v, w, dt_now)
+        return pose, Twist(float(v), float(w))
+
+    def _command_at(self, moment):
+        found = None
+        for stamp, command in self._pushed:
+            if stamp > moment + 1e-9:
+                break
+            found = command
+        return found
+
+
+class Leg(NamedTuple):
+    """A straight piece of a way, from ``start`` to ``end`` (2,) [m], driven forward or backward."""
+
+    start: np.ndarray
+    end: np.ndarray
+    reverse: bool = False
+
+    @property
+    def length(self):
+        """Length [m]."""
+        return float(np.hypot(*(self.end - self.start)))
+
+    @property
+    def heading(self):
+        """Yaw [rad] of the chair on this leg."""
+        direction = self.end - self.start
+        yaw = float(np.arctan2(direction[1], direction[0]))
+        return float(se2.wrap_angle(yaw + np.pi)) if self.reverse else yaw
+
+
+def turn_on_the_spot(error, settings):
+    """Turn rate [rad/s] that takes a heading ``error`` [rad] away without overshoot."""
+    drive = settings.drive
+    return float(np.clip(drive.heading_gain * error, -drive.turn, drive.turn))
+
+
+def along_leg(pose, leg, speed, turning, settings):
+    """Stick on a leg: ``(Twist, turning)``; ``turning`` (on the spot) has a memory of one flag (hysteresis).
+
+    A cross-track error bends the wanted heading towards the leg over ``look_ahead``.
+    """
+    drive = settings.drive
+    direction = (leg.end - leg.start) / max(leg.length, 1e-9)
+    offset = pose[:2] - leg.start
+    cross = float(direction[0] * offset[1] - direction[1] * offset[0])
+    bend = np.arctan2(cross, drive.look_ahead)
+    wanted = leg.heading + (bend if leg.reverse else -bend)
+    error = float(se2.wrap_angle(wanted - pose[2]))
+    # On the spot only towards the leg's own heading: a small offset is driven away, not turned away.
+    off = abs(error)
+    turning = off > drive.turn_start or (turning and off > drive.turn_stop)
+    if turning:
+        return Twist(0.0, turn_on_the_spot(error, settings)), True
+    w = float(np.clip(drive.heading_gain * error, -drive.turn, drive.turn))
+    v = speed * max(0.3, np.cos(min(np.pi / 2.0, 2.0 * abs(error))))
+    return Twist(float(-v if leg.reverse else v), w), False

@@ -1,0 +1,149 @@
+"""The way that a competent person takes to a door and through it, and the stick that keeps to it.
+
+All in the door's frame: x along the crossing, 0 in the plane; y to the left of it; metres, radians. The last leg
+lies on the door's axis and begins at least ``drive/square`` before the plane.
+"""
+import numpy as np
+
+from wheelchair_shared_control import se2
+from wheelchair_shared_control.assistance import ASSISTING
+from wheelchair_shared_control.person import Leg, along_leg, turn_on_the_spot
+from wheelchair_shared_control.values import STOP, Twist
+
+
+class Way:
+    """Path and progress of ``goal_directed``; ``steer`` plans when first asked, and anew where it has been led off."""
+
+    def __init__(self, settings, chair, door_pose_world, world=None):
+        self.settings, self.chair = settings, chair
+        self._legs, self._turning, self._planned = [], False, False
+        self._moved, self._moved_at = None, None
+        self._backing = False
+        self.half_gap = None
+        self.end = settings.drive.beyond
+
+    @property
+    def legs(self):
+        """Legs still ahead, for figures."""
+        return tuple(self._legs)
+
+    def turn_to(self, now, pose, twist, error):
+        """Stick that turns the chair by ``error`` [rad] on the spot."""
+        return Twist(0.0, turn_on_the_spot(error, self.settings))
+
+    def steer(self, now, pose, twist, assistance_state=0):
+        """Stick ``Twist`` at a believed pose (3,) and velocity."""
+        if not self._planned or self._led_off(pose):
+            self._legs, self._planned, self._turning = self._plan(pose), True, False
+            self._backing = False
+        self._advance(pose)
+        if not self._legs:
+            return STOP
+        if assistance_state != ASSISTING and self._stuck(now, pose):
+            self._back_off(pose)
+        elif not self._backing and self._misses_gap(pose):
+            self._back_off(pose)
+        leg = self._legs[0]
+        command, self._turning = along_leg(pose, leg, self._speed(pose, leg), self._turning, self.settings)
+        if self._turning and not self._may_turn(pose):
+            # In the gap there is no room to turn on the spot: creep on and let the path's pull do it.
+            command = Twist(0.4 * self.settings.drive.careful, command.w)
+        self._note_motion(now, pose, command)
+        return command
+
+    # ---- plan --------------------------------------------------------------------------------------
+
+    def _plan(self, pose):
+        drive = self.settings.drive
+        end = np.array([self.end, 0.0])
+        x, y = pose[0], pose[1]
+        meet = -(drive.square + 0.2)
+        if x > -drive.square or abs(y) < 0.08 * (-x - drive.square + 0.3):
+            return [Leg(np.array([min(x, -drive.square), 0.0]), end)]
+        # Come in at 45 degrees or less where the room allows it.
+        corner = np.array([np.clip(x + 1.2 * abs(y), -1.6, meet), 0.0])
+        return [Leg(pose[:2].copy(), corner), Leg(corner, end)]
+
+    def _led_off(self, pose):
+        """Whether the chair is no longer near the leg ahead (another hand has steered it)."""
+        if not self._legs or pose[0] > -self.settings.drive.square:
+            return False
+        leg = self._legs[0]
+        direction = (leg.end - leg.start) / max(leg.length, 1e-9)
+        offset = pose[:2] - leg.start
+        return abs(direction[0] * offset[1] - direction[1] * offset[0]) > 0.3
+
+    def _advance(self, pose):
+        """Drop the leg ahead once its end is reached, or passed, or near enough to round a slight corner."""
+        while self._legs:
+            leg = self._legs[0]
+            direction = (leg.end - leg.start) / max(leg.length, 1e-9)
+            left = float(direction @ (leg.end - pose[:2]))
+            if left > self._rounding():
+                return
+            self._legs = self._legs[1:]
+            self._turning, self._backing = False, False
+            if not self._legs and pose[0] < self.end - 0.1:  # a leg of backing off was the last one
+                self._legs = self._plan(pose)
+                return
+
+    def _rounding(self):
+        if len(self._legs) < 2 or self._legs[0].reverse or self._legs[1].reverse:
+            return 0.02
+        corner = abs(float(se2.wrap_angle(self._legs[1].heading - self._legs[0].heading)))
+        if corner > self.settings.drive.turn_start:
+            return 0.02
+        return 0.02 + self.settings.drive.cruise / self.settings.drive.turn * np.tan(corner / 2.0)
+
+    # ---- speed -------------------------------------------------------------------------------------
+
+    def _speed(self, pose, leg):
+        drive = self.settings.drive
+        direction = (leg.end - leg.start) / max(leg.length, 1e-9)
+        left = float(direction @ (leg.end - pose[:2]))
+        speed = drive.cruise
+        if leg.reverse:
+            speed = drive.careful
+        elif self._in_gap(pose, 0.5):
+            room = 0.2 if self.half_gap is None else self.half_gap - self.chair.half_width
+            share = np.clip((room - 0.04) / 0.1, 0.0, 1.0)
+            speed = drive.careful + share * (drive.door - drive.careful)
+        if len(self._legs) == 1 or self._rounding() <= 0.02:
+            speed = min(speed, max(0.08, np.sqrt(2.0 * drive.braking * max(0.0, left))))
+        return float(speed)
+
+    def _in_gap(self, pose, before):
+        """Whether any part of the chair is between ``before`` metres before the plane and the plane's far side."""
+        return -before < pose[0] + self.chair.front and pose[0] + self.chair.rear < 0.1
+
+    def _may_turn(self, pose):
+        return not (pose[0] > -self.chair.circumscribed_radius - 0.1 and pose[0] + self.chair.rear < 0.1)
+
+    # ---- what a person does when it goes wrong ------------------------------------------------------
+
+    def _misses_gap(self, pose):
+        """Whether a front corner would meet a jamb, seen just before it does."""
+        if self.half_gap is None or not -0.25 < pose[0] + self.chair.front < -0.08:
+            return False
+        front = se2.transform_points(pose, [[self.chair.front, s * self.chair.half_width] for s in (1, -1)])
+        return bool(np.abs(front[:, 1]).max() > self.half_gap - 0.01)
+
+    def _back_off(self, pose):
+        """One leg straight back, then a new plan."""
+        length = self.settings.drive.back_off
+        back = pose[:2] - length * np.array([np.cos(pose[2]), np.sin(pose[2])])
+        self._legs, self._turning, self._backing = [Leg(pose[:2].copy(), back, reverse=True)], False, True
+        self._moved = None
+
+    def _note_motion(self, now, pose, command):
+        pushed = abs(command.v) > 0.05 or abs(command.w) > 0.1
+        if (
+            self._moved is None
+            or not pushed
+            or np.hypot(*(pose[:2] - self._moved[:2])) > 0.03
+            or abs(float(se2.wrap_angle(pose[2] - self._moved[2]))) > 0.05
+        ):
+            self._moved, self._moved_at = pose.copy(), now
+
+    def _stuck(self, now, pose):
+        return self._moved is not None and now - self._moved_at > self.settings.drive.stuck_time
