@@ -377,3 +377,22 @@ class PathSearch:
             if n and (abs(length) > 1e-4 or abs(turn) > 1e-3):
                 pieces.append(np.tile([length / n, turn / n], (n, 1)))
         return np.concatenate(pieces) if pieces else np.zeros((0, 2))
+
+
+@njit(cache=True)
+def price_of(distance, known, frame, outline, spine, half_width, reach, middle, rear, start, steps, kinds, weights):
+    """Cost [s] of driving ``steps`` (n, 2) of ``kinds`` (n,) from ``start``, on the search's scale; never inf."""
+    x, y, th = start[0], start[1], start[2]
+    total = 0.0
+    for k in range(steps.shape[0]):
+        kind = TURN if kinds[k] == 0 else (FORWARD if kinds[k] > 0 else REVERSE)
+        price, x, y, th = _piece(distance, known, frame, outline, spine, half_width, reach, middle, 0.0, -1.0, rear,
+                                 x, y, th, steps[k, 0], steps[k, 1], kind, 1, weights)
+        if price == np.inf:
+            price = 1.0
+        total += price
+        if k > 0 and kinds[k] != kinds[k - 1]:
+            total += weights[4]
+            if kinds[k] * kinds[k - 1] < 0:
+                total += weights[3]
+    return total

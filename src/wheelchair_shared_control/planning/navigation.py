@@ -1,0 +1,337 @@
+"""Navigation to a goal: the state machine of move_base without ROS, one call of ``update`` a control cycle.
+
+It never drives on an old costmap, replans when the way is blocked, stops when no command is legal, asks for the
+costmap to be cleared once, and gives up with the reason. Turning on the spot as a recovery is off: somebody sits on
+the chair, perhaps in a doorway.
+"""
+from collections import deque
+from typing import NamedTuple, Optional
+
+import numpy as np
+
+from wheelchair_shared_control import se2
+from wheelchair_shared_control.planning import clearance, following
+from wheelchair_shared_control.planning.planner import Path, Planner
+from wheelchair_shared_control.values import STOP, Twist
+
+IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
+PUSHING = 0.05  # m/s: above this a person is driving forward
+EMPTY = np.zeros((0, 3))
+
+
+class Candidates(NamedTuple):
+    """Trajectories (n, steps, 3) that were looked at, their commands (n, 2) and smallest clearances (n,) [m]."""
+
+    poses: np.ndarray
+    commands: np.ndarray
+    clearance: np.ndarray
+
+
+class Decision(NamedTuple):
+    """What one cycle decides.
+
+    ``command``: Twist, or None for silence. ``status`` and ``reason`` stay after the end of a goal.
+    ``global_plan`` (n, 3), ``local_plan`` (m, 3): poses in odom. ``recovery``: the costmap is to be cleared outside
+    the footprint's reach, now.
+    """
+
+    command: Optional[Twist]
+    status: str
+    reason: str
+    global_plan: np.ndarray = EMPTY
+    local_plan: np.ndarray = EMPTY
+    recovery: bool = False
+    candidates: Optional[Candidates] = None
+
+
+class Navigator:
+    """Drives to one goal at a time; settings of group ``move_base``."""
+
+    def __init__(self, settings):
+        self.settings = settings
+        wheelchair = settings.wheelchair
+        self.planner = Planner(wheelchair, settings)
+        limits = wheelchair.limits
+        self.plant = following.Plant(
+            wheelchair.actuation.dead_time, wheelchair.actuation.lag, limits.acceleration, limits.turn_acceleration)
+        p = settings.planner
+        self.v_max = min(p.max_vel_x, limits.speed)
+        self.w_max = min(p.max_vel_theta, limits.turn_rate)
+        self.acc = min(p.acc_lim_x, limits.acceleration)
+        self.turn_acc = min(p.acc_lim_theta, limits.turn_acceleration)
+        self._sent = deque(maxlen=200)
+        self._forget()
+        self.status, self.reason = IDLE, ""
+        self._zero_due = False
+
+    def _forget(self):
+        self.goal = None
+        self._path, self._step = None, 0
+        self._searched_at = -np.inf
+        self._since_legal = self._since_path = None
+        self._recovered = False
+        self._anchor = None
+
+    # --- goals -------------------------------------------------------------------------------------------
+    def set_goal(self, goal_odom, now):
+        """Drive to ``goal_odom`` (3,); a goal under way is replaced without stopping."""
+        goal = np.asarray(goal_odom, dtype=float)
+        if goal.shape != (3,) or not np.all(np.isfinite(goal)):
+            raise ValueError("a goal is three finite numbers x, y, yaw")
+        self._forget()
+        self.goal = goal
+        self.status, self.reason, self._zero_due = ACTIVE, "", False
+
+    def cancel(self, now):
+        """Give the goal up: one zero, then silence."""
+        if self.status == ACTIVE:
+            self._end(IDLE, "cancelled")
+            self._zero_due = True
+
+    def _end(self, status, reason):
+        self._forget()
+        self.status, self.reason = status, reason
+
+    # --- one cycle ---------------------------------------------------------------------------------------
+    def update(self, now, odometry, snapshot, user_v=None, candidates=False):
+        """Decision of one control cycle.
+
+        ``odometry``: values.Odometry or None; ``snapshot``: CostmapSnapshot or None; ``user_v`` [m/s]: the person's
+        forward command, None where no person drives: then, and while the person does not push forward, the chair may
+        reverse. ``candidates``: keep the trajectories that were looked at.
+        """
+        if self.status != ACTIVE:
+            command = STOP if self._zero_due else None
+            self._zero_due = False
+            self._sent.clear()
+            return Decision(command, self.status, self.reason)
+        stale = self._stale(now, odometry, snapshot)
+        if stale:
+            self._since_legal = self._since_path = None
+            return self._stop(now, stale)
+        field = clearance.make_field(snapshot)
+        if self._arrived(odometry):
+            self._end(SUCCEEDED, "goal reached")
+            self._sent.clear()
+            return Decision(STOP, SUCCEEDED, self.reason)
+        if self._oscillates(now, odometry):
+            return self._abort("no progress of %.2f m within %.0f s" % (
+                self.settings.oscillation_distance, self.settings.oscillation_timeout))
+        acting, anchor = self._predict(now, odometry, user_v)
+        reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING)
+        if self._path is None:
+            return self._without_path(now, reason)
+        path, command = self._follow(field, anchor)
+        legal = self._legal(field, acting, command, path)
+        kept = Candidates(*legal[1:]) if candidates else None
+        plans = dict(global_plan=path.poses, local_plan=legal[1][0], candidates=kept)
+        if legal[0] is None:
+            return self._without_command(now, plans)
+        self._since_legal = None
+        return self._send(now, legal[0], "", **plans)
+
+    def _stale(self, now, odometry, snapshot):
+        s = self.settings
+        if odometry is None:
+            return "no odometry"
+        if now - odometry.stamp > s.odom_timeout:
+            return "odometry is %.1f s old, limit %.1f s" % (now - odometry.stamp, s.odom_timeout)
+        if not np.all(np.isfinite(odometry.pose)) or not np.all(np.isfinite(odometry.twist)):
+            return "odometry is not finite"
+        if snapshot is None:
+            return "no costmap"
+        if not now - snapshot.stamp <= s.costmap_timeout:
+            return "costmap is %.1f s old, limit %.1f s" % (now - snapshot.stamp, s.costmap_timeout)
+        return ""
+
+    def _arrived(self, odometry):
+        p = self.settings.planner
+        return (np.hypot(*(odometry.pose[:2] - self.goal[:2])) <= p.xy_goal_tolerance
+                and abs(se2.wrap_angle(odometry.pose[2] - self.goal[2])) <= p.yaw_goal_tolerance)
+
+    def _oscillates(self, now, odometry):
+        if self.settings.oscillation_timeout <= 0.0:
+            return False
+        pose = odometry.pose
+        if self._anchor is None:
+            self._anchor = (pose, now)
+            return False
+        moved = np.hypot(*(pose[:2] - self._anchor[0][:2]))
+        turned = abs(se2.wrap_angle(pose[2] - self._anchor[0][2])) * self.planner.footprint.circumscribed_radius
+        if moved + turned > self.settings.oscillation_distance:
+            self._anchor = (pose, now)
+        return now - self._anchor[1] > self.settings.oscillation_timeout
+
+    # --- outcomes ----------------------------------------------------------------------------------------
+    def _send(self, now, command, reason, **plans):
+        self._sent.append((now, command.v, command.w))
+        return Decision(command, self.status, reason, **plans)
+
+    def _stop(self, now, reason, **plans):
+        return self._send(now, STOP, reason, **plans)
+
+    def _abort(self, reason):
+        self._end(ABORTED, reason)
+        self._sent.clear()
+        return Decision(STOP, ABORTED, reason)
+
+    def _without_path(self, now, reason):
+        if self._since_path is None:
+            self._since_path = now
+        return self._wait(now, now - self._since_path, self.settings.planner_patience, reason, {})
+
+    def _without_command(self, now, plans):
+        if self._since_legal is None:
+            self._since_legal = now
+        self._path = None
+        return self._wait(now, now - self._since_legal, self.settings.controller_patience,
+                          "no command is free of collision", plans)
+
+    def _wait(self, now, waited, patience, reason, plans):
+        if waited <= patience:
+            return self._stop(now, reason, **plans)
+        if self._recovered or not self.settings.recovery_behavior_enabled:
+            return self._abort(reason)
+        self._recovered = True
+        self._since_legal = self._since_path = None
+        self._searched_at = -np.inf
+        return self._stop(now, reason, recovery=True, **plans)
+
+    # --- path --------------------------------------------------------------------------------------------
+    def _predict(self, now, odometry, user_v):
+        """State (5,) at which a command sent now begins to act, and the pose (3,) at which it is felt."""
+        plant, dt = self.plant, 0.02
+        state = np.concatenate((odometry.pose, odometry.twist)).astype(np.float64)
+        ahead = now - odometry.stamp + plant.dead_time
+        n = max(0, int(round(ahead / dt)))
+        times = odometry.stamp + (np.arange(n) + 0.5) * dt - plant.dead_time
+        targets = np.zeros((n, 2))
+        sent = list(self._sent)
+        k = 0
+        for i, t in enumerate(times):
+            while k < len(sent) and sent[k][0] <= t:
+                k += 1
+            targets[i] = sent[k - 1][1:] if k else state[3:]
+        last = np.array(sent[-1][1:]) if sent else state[3:].copy()
+        if user_v is not None:
+            # Half of it is the person's: what is measured tells more than what was sent.
+            targets[:, 0] = 0.5 * (targets[:, 0] + user_v)
+            targets[:, 1] = 0.5 * (targets[:, 1] + state[4])
+            last = np.array([0.5 * (last[0] + user_v), 0.5 * (last[1] + state[4])])
+        acting = following.predict(state, targets, plant.lag, plant.acceleration, plant.turn_acceleration, dt)
+        felt = int(round(plant.lag / dt))
+        anchor = following.predict(acting, np.tile(last, (felt, 1)), plant.lag, plant.acceleration,
+                                   plant.turn_acceleration, dt)
+        return acting, anchor[:3].copy()
+
+    def _keep_path(self, now, field, anchor, allow_reverse):
+        """Keep, refine or replace the path; the reason where there is none."""
+        path = self._path
+        blocked = True
+        if path is not None:
+            path = self._remaining(field, anchor)
+            blocked = self.planner.blocked(path, 0.0) >= 0
+            if not allow_reverse and np.any(path.kinds < 0):
+                blocked = True
+            deviation = np.hypot(*(path.poses[0, :2] - self._on_path[:2]))
+            turned = abs(se2.wrap_angle(path.poses[0, 2] - self._on_path[2]))
+            if deviation > 0.25 or turned > 0.6:
+                blocked = True
+        period = 1.0 / self.settings.planner_frequency
+        due = now - self._searched_at >= (period if not blocked or path is None else 0.2)
+        if path is None:
+            due = now - self._searched_at >= 0.2
+        if due:
+            self._searched_at = now
+            new, cost, reason = self.planner.plan(field, anchor, self.goal, allow_reverse)
+            if new is None:
+                if blocked:
+                    self._path = None
+                    self._reason = reason
+            else:
+                old = np.inf if blocked else self.planner.price(field, anchor, path.steps, path.kinds)
+                new_cost = self.planner.price(field, anchor, new.steps, new.kinds)
+                if new_cost < 0.8 * old - 0.5:
+                    path = new
+                    blocked = False
+        if path is None or (blocked and self._path is None):
+            self._path = None
+            return getattr(self, "_reason", "") or "no path"
+        self._path, self._step = path, 0
+        self._since_path = None
+        return ""
+
+    def _remaining(self, field, anchor):
+        """The path from ``anchor`` on, refined in the present costmap."""
+        path = self._path
+        step, part = following.project(anchor, path.poses, path.kinds, self._step)
+        steps = path.steps[step:].copy()
+        kinds = path.kinds[step:]
+        self._on_path = path.poses[step] + part * (path.poses[step + 1] - path.poses[step])
+        steps[0] *= 1.0 - part
+        targets = path.poses[step:].copy()
+        targets[0] = anchor
+        # A rest of a step too short to steer with joins the next of its kind.
+        if len(steps) > 1 and kinds[0] == kinds[1] and abs(steps[0, 0]) < 0.02 and abs(steps[0, 1]) < 0.03:
+            steps[1] += steps[0]
+            steps, kinds, targets = steps[1:], kinds[1:], targets[1:]
+        goal = self.planner._inside(field, self.goal)
+        targets[-1] = goal
+        return self.planner.refine(field, anchor, steps, kinds, targets, 4)
+
+    # --- command -----------------------------------------------------------------------------------------
+    def _follow(self, field, anchor):
+        """The path and the command that drives its first steps."""
+        path = self._path
+        p = self.settings.planner
+        seen = self.planner.seen(field, path.poses[1:])
+        clear = np.minimum(path.clear[:-1], path.clear[1:])
+        rate = following.speeds(
+            path.steps, path.kinds, clear, seen, p.speed_at_contact, p.speed_per_clearance, p.speed_in_unknown,
+            self.v_max, -p.min_vel_x, self.w_max, 0.8 * self.acc, 0.6 * self.turn_acc)
+        kind = path.kinds[0]
+        same = 1
+        while same < len(path.kinds) and path.kinds[same] == kind:
+            same += 1
+        run = path.steps[:same]
+        if kind == 0:
+            turn = np.sum(run[:, 1])
+            v, w = 0.0, np.sign(turn) * max(abs(run[0, 1] * rate[0]), 0.12)
+            w = np.sign(w) * min(abs(w), max(0.1, np.sqrt(1.2 * self.turn_acc * abs(turn))))
+        else:
+            along = np.cumsum(np.abs(run[:, 0]))
+            n = min(same, int(np.searchsorted(along, 0.18)) + 1)
+            bend = np.sum(run[:n, 1]) / max(along[n - 1], 0.02)
+            v = kind * max(abs(run[0, 0] * rate[0]), 0.06)
+            v = np.sign(v) * min(abs(v), self.w_max / max(abs(bend), 1e-3))
+            w = bend * abs(v)
+        return path, self._limited(v, w)
+
+    def _limited(self, v, w):
+        """The command within the acceleration limits from the last one."""
+        dt = 1.0 / self.settings.controller_frequency
+        v0, w0 = self._sent[-1][1:] if self._sent else (0.0, 0.0)
+        v = v0 + min(max(v - v0, -self.acc * dt), self.acc * dt)
+        w = w0 + min(max(w - w0, -self.turn_acc * dt), self.turn_acc * dt)
+        return Twist(float(v), float(min(max(w, -self.w_max), self.w_max)))
+
+    def _legal(self, field, acting, command, path):
+        """The command, or the best slower or bent one that stays clear; None where none does."""
+        scales = np.array([[1.0, 1.0], [0.7, 0.7], [0.4, 0.4], [1.0, 0.5], [0.5, 1.0], [0.2, 0.2], [0.0, 1.0],
+                           [0.0, 0.5]])
+        v, w = command
+        commands = np.ascontiguousarray(scales * np.array([v, w]))
+        plant = self.plant
+        n = int(np.ceil(self.settings.planner.sim_time / following.DT))
+        hold = max(1, int(round(1.0 / self.settings.controller_frequency / following.DT))) + 1
+        poses, least = following.rollouts(
+            field.distance, field.frame, *self.planner.body, acting, commands, path.poses[-1], n, hold,
+            plant.lag, plant.acceleration, plant.turn_acceleration, following.DT)
+        here = float(self.planner.clearance(field, acting[None, :3])[0])
+        floor = min(self.settings.planner.min_clearance * 0.5, here - 0.004)
+        for k in range(len(commands)):
+            if least[k] >= floor:
+                if abs(commands[k, 0]) < 0.005 and abs(commands[k, 1]) < 0.01:
+                    continue
+                return Twist(*map(float, commands[k])), poses, commands, least
+        return None, poses, commands, least

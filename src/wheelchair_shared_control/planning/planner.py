@@ -1,0 +1,131 @@
+"""A path for the true footprint: searched with a slimmer chair, centred by refinement, checked with the true one.
+
+Doors only centimetres wider than the chair fall between the search's bins. The search is therefore done with a chair
+that is a little slimmer, the refinement centres its path, and the path counts only if the true footprint is clear all
+along it; if not, the search is repeated with the true footprint.
+"""
+from typing import NamedTuple
+
+import numpy as np
+
+from wheelchair_shared_control import footprint as footprints
+from wheelchair_shared_control.planning import clearance, refinement, search
+from wheelchair_shared_control.planning.following import kinds_of, seen_ahead
+
+SLIMMER = 0.04
+# comfortable [m], near [m], then weights: spine, outline, near, pose xy, pose yaw, end xy, end yaw,
+# change of ds, change of dtheta, bending.
+REFINEMENT = np.array([0.30, 0.05, 40.0, 30.0, 60.0, 0.3, 0.05, 40.0, 20.0, 60.0, 1.0, 0.15])
+
+
+class Path(NamedTuple):
+    """``steps`` (n, 2) of (ds [m], dtheta [rad]), ``poses`` (n + 1, 3), ``kinds`` (n,), ``clear`` (n + 1,) [m]."""
+
+    steps: np.ndarray
+    poses: np.ndarray
+    kinds: np.ndarray
+    clear: np.ndarray
+
+
+class Planner:
+    """Finds and refines paths in one costmap field; keeps only the search's memory."""
+
+    def __init__(self, wheelchair, settings):
+        self.footprint = footprints.grown(
+            footprints.from_settings(wheelchair), settings.local_costmap.footprint_padding)
+        self.settings = settings.planner
+        self.body = clearance.make_body(self.footprint)
+        self.slim = clearance.make_body(footprints.grown(self.footprint, -SLIMMER), 0.08)
+        self.search = search.PathSearch(self.body, self.footprint.rear, self.settings.max_expansions)
+
+    def clearance(self, field, poses):
+        """Clearance (n,) [m] of poses (n, 3)."""
+        return clearance.of_poses(field, self.body, poses)
+
+    def seen(self, field, poses):
+        """Whether the ground below the front edge is known, (n,)."""
+        return seen_ahead(field.known, field.frame, poses, self.footprint.front, self.footprint.half_width)
+
+    def price(self, field, start, steps, kinds):
+        """Cost [s] of a path on the search's scale."""
+        return search.price_of(field.distance, field.known, field.frame, *self.body, self.footprint.rear,
+                               np.asarray(start, dtype=float), steps, kinds, self.search.weights)
+
+    def refine(self, field, start, steps, kinds, targets, iterations):
+        """Refined Path from ``start``; steps keep their kinds."""
+        steps, poses, _ = refinement.refine(
+            field.distance, field.frame, *self.body, REFINEMENT, np.asarray(start, dtype=float),
+            np.ascontiguousarray(steps), np.ascontiguousarray(targets), iterations)
+        return Path(steps, poses, kinds, self.clearance(field, poses))
+
+    def blocked(self, path, limit=None):
+        """Index of the first pose whose clearance is below the limit and below what the start has, or -1.
+
+        A chair that stands close to something may leave: up to half a metre on, it may be as close as it is.
+        """
+        limit = self.settings.min_clearance if limit is None else limit
+        travelled = np.concatenate(([0.0], np.cumsum(np.hypot(path.steps[:, 0], 0.5 * path.steps[:, 1]))))
+        floor = np.where(travelled < 0.5, min(limit, path.clear[0] - 0.005), limit)
+        bad = np.flatnonzero(path.clear < floor)
+        return int(bad[0]) if len(bad) else -1
+
+    def plan(self, field, start, goal, allow_reverse):
+        """(Path or None, cost, reason) from ``start`` (3,) to ``goal`` (3,)."""
+        allow_reverse = allow_reverse and self.settings.min_vel_x < 0.0
+        goal = self._inside(field, np.asarray(goal, dtype=float))
+        floor = self.settings.min_clearance
+        reason = ""
+        for slim in (True, False):
+            # The shrunk outline's field values, less the shrinking, are the true clearance to within a cell.
+            self.search.body = self.slim if slim else self.body
+            found = self.search.find(
+                field, start, goal, 0.05, 0.1, allow_reverse, SLIMMER if slim else 0.0,
+                -0.03 if slim else floor)
+            if found.steps is None:
+                if found.exhausted:
+                    reason = "no way through for a chair of %.2f m" % self.footprint.width
+                    if slim:
+                        break
+                else:
+                    reason = "no path within %d states" % found.expansions
+                continue
+            if len(found.steps) == 0:
+                found = found._replace(steps=np.zeros((1, 2)))
+            path = self._centred(field, start, goal, found.steps)
+            if self.blocked(path) < 0:
+                return path, found.cost, ""
+            reason = "the gap is too narrow for a chair of %.2f m" % self.footprint.width
+        return None, np.inf, reason
+
+    def _centred(self, field, start, goal, steps):
+        kinds = kinds_of(steps)
+        poses = rolled(start, steps)
+        targets = poses.copy()
+        targets[-1] = goal
+        raw = Path(steps, poses, kinds, self.clearance(field, poses))
+        path = self.refine(field, start, steps, kinds, targets, 25)
+        if self.blocked(path) >= 0 and self.blocked(raw) < 0:
+            return raw
+        return path
+
+    def _inside(self, field, goal):
+        """The goal, or the point of the way to it that lies well inside the window."""
+        rows, cols = field.distance.shape
+        res = field.frame[2]
+        low = field.frame[:2] + 0.4
+        high = field.frame[:2] + np.array([cols, rows]) * res - 0.4
+        if np.all(goal[:2] >= low) and np.all(goal[:2] <= high):
+            return goal
+        middle = (low + high) / 2.0
+        way = goal[:2] - middle
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = np.where(way > 0, (high - middle) / way, np.where(way < 0, (low - middle) / way, np.inf))
+        point = middle + way * min(1.0, float(np.min(reach)))
+        return np.array([point[0], point[1], np.arctan2(way[1], way[0])])
+
+
+def rolled(start, steps):
+    """Poses (n + 1, 3) of steps (n, 2) driven from ``start``."""
+    poses = np.empty((len(steps) + 1, 3))
+    refinement._roll(np.asarray(start, dtype=float), np.ascontiguousarray(steps, dtype=float), poses)
+    return poses
