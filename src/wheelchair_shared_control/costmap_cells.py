@@ -1,0 +1,248 @@
+"""How the looks of one observation change the memory of a cell.
+
+Memory of a cell: ``odds`` (log-odds of being occupied), ``mask`` (heights at which something was seen, see
+`costmap_depth`), ``known`` (1: seen or driven over), ``seen`` [s] (for how long something was seen there),
+``last`` [s] (when last). The newest look wins: the log-odds are held in a narrow band, two looks through an
+obstacle erase it, and one clear hit makes ground lethal that was free. Odometry drifts; a jamb that is now
+seen 3 cm beside where it was remembered must not stay twice, or a 0.75 m door is closed.
+"""
+import numba
+import numpy as np
+
+from wheelchair_shared_control.costmap_depth import BAND_HEIGHT, BANDS, BLOCKED, DROP, THROUGH, look
+
+_HEIGHTS = np.uint16(DROP - 1)
+
+
+@numba.njit(cache=True, nogil=True)
+def contradicted(mask, through, blocked):
+    """The bits of ``mask`` that are erased by looks ``through`` some heights and not ``blocked`` at others.
+
+    Adjacent heights are one thing: a wall seen from afar over its whole height is gone when a camera that
+    has come near, and sees only the middle, looks through that middle. A fifth of the thing, at least two
+    bands of a tall one, must be looked through.
+    """
+    erased = np.uint16(0)
+    low = 0
+    while low < BANDS:
+        if not (mask >> low) & 1:
+            low += 1
+            continue
+        high = low
+        n_through, n_blocked = 0, 0
+        run = np.uint16(0)
+        while high < BANDS and (mask >> high) & 1:
+            bit = np.uint16(1 << high)
+            run |= bit
+            if through & bit:
+                n_through += 1
+            if blocked & bit:
+                n_blocked += 1
+            high += 1
+        length = high - low
+        if n_blocked == 0 and n_through > 0 and (n_through >= 2 or length == 1) and 5 * n_through >= length:
+            erased |= run
+        low = high
+    return erased
+
+
+@numba.njit(cache=True, nogil=True)
+def forget_cell(odds, mask, known, seen, row, column):
+    odds[row, column] = 0.0
+    mask[row, column] = 0
+    known[row, column] = 0
+    seen[row, column] = 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes, own,
+                 depth, intrinsics, camera_from_odom, camera_position, origin, resolution,
+                 per_radian, min_height, raytrace_range, hit, miss, odds_min, odds_max, marking, clearing, stamp, dt):
+    """Bring the counters of one depth image into the memory; ``own`` marks the cells under the chair.
+
+    ``per_radian``: returns per radian, 0 for one each pixel.
+    """
+    rows, columns = odds.shape
+    fx = per_radian if per_radian > 0.0 else intrinsics[0]
+    fy = per_radian if per_radian > 0.0 else intrinsics[1]
+    margin = 0.71 * resolution
+    cx, cy, cz = camera_position
+    for row in range(rows):
+        y = origin[1] + (row + 0.5) * resolution
+        for column in range(columns):
+            n_hits = hits[row, column]
+            n_drops = drops[row, column] + holes[row, column]
+            n_floor = floor[row, column]
+            m = mask[row, column]
+            if n_hits == 0 and n_drops == 0 and n_floor == 0 and m == 0:
+                continue
+            if own[row, column]:
+                continue
+            x = origin[0] + (column + 0.5) * resolution
+            gained = 0.0
+            if marking and n_hits + n_drops > 0:
+                dx, dy = x - cx, y - cy
+                distance = np.sqrt(dx * dx + dy * dy)
+                # pixels that a face of one cell square, or a cell's floor, covers at this distance
+                pixels = resolution / max(distance, 0.3)
+                face = fx * fy * pixels * pixels
+                if n_hits > 0:
+                    if n_hits >= 0.5 * face:
+                        gained = hit
+                    elif n_hits >= 0.1 * face and n_hits >= 2:
+                        gained = 0.4 * hit
+                    if gained > 0.0 and _noise_of_what_is_behind(hits, row, column, dx, dy, distance, resolution):
+                        gained = 0.0
+                        n_hits = 0
+                if n_drops > 0 and n_drops > n_floor:
+                    ground = face * cz / max(distance, 0.3)
+                    strength = 0.0
+                    if drops[row, column] >= 0.3 * ground:
+                        strength = hit
+                    elif n_drops >= 0.3 * ground:
+                        strength = 0.75 * hit  # invalid pixels only: twice
+                    if strength > 0.0:
+                        mask[row, column] |= DROP
+                        gained = max(gained, strength)
+            if gained > 0.0:
+                odds[row, column] = min(odds[row, column] + gained, odds_max)
+                if n_hits > 0:
+                    mask[row, column] |= bands[row, column]
+                known[row, column] = 1
+                seen[row, column] += dt
+                last[row, column] = stamp
+                continue
+            if n_hits > 0 or not clearing:
+                continue
+            if m == 0:
+                if n_floor > 0:
+                    odds[row, column] = max(odds[row, column] - miss, odds_min)
+                    known[row, column] = 1
+                continue
+            # something is remembered here, and nothing was hit: look at its heights
+            through = np.uint16(0)
+            blocked = np.uint16(0)
+            for band in range(BANDS):
+                bit = np.uint16(1 << band)
+                if m & bit:
+                    z = min_height + (band + 0.5) * BAND_HEIGHT
+                    state = look(depth, intrinsics, camera_from_odom, x, y, z, margin, raytrace_range)
+                    if state == THROUGH:
+                        through |= bit
+                    elif state == BLOCKED:
+                        blocked |= bit
+            erased = contradicted(m, through, blocked)
+            if m & DROP and n_floor > 0 and n_drops == 0:
+                erased |= DROP
+            if erased == 0:
+                continue
+            if erased == m:
+                odds[row, column] -= miss
+                if odds[row, column] <= 0.0:
+                    odds[row, column] = odds_min
+                    mask[row, column] = 0
+                    seen[row, column] = 0.0
+            else:
+                mask[row, column] = m & ~erased
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _noise_of_what_is_behind(hits, row, column, dx, dy, distance, resolution):
+    """Few hits just before many are the noise of the many: sigma 2.5 at this distance."""
+    sigma = 0.0012 + 0.0019 * (distance - 0.4) ** 2
+    steps = int(2.5 * sigma / resolution + 0.6)
+    few = hits[row, column]
+    for step in range(1, min(steps, 4) + 1):
+        r = row + int(np.round(step * dy / distance))
+        c = column + int(np.round(step * dx / distance))
+        if 0 <= r < hits.shape[0] and 0 <= c < hits.shape[1] and few < 0.2 * hits[r, c]:
+            return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def forget_brief(odds, mask, known, seen, last, now, memory_time, static_time):
+    """What was seen only briefly, and not for ``memory_time``, becomes unknown again: it moved away.
+
+    A cell within two cells of something long seen is kept with it: drift moves a jamb over cells that
+    were each seen only for a moment. Returns how many were forgotten.
+    """
+    rows, columns = odds.shape
+    forgotten = 0
+    for row in range(rows):
+        for column in range(columns):
+            if mask[row, column] == 0 or now - last[row, column] < memory_time:
+                continue
+            longest = np.float32(0.0)
+            for r in range(max(row - 2, 0), min(row + 3, rows)):
+                for c in range(max(column - 2, 0), min(column + 3, columns)):
+                    longest = max(longest, seen[r, c])
+            if longest < static_time:
+                # marked with NaN, so that it does not count for its neighbours' verdict before theirs
+                last[row, column] = np.nan
+                forgotten += 1
+    if forgotten:
+        for row in range(rows):
+            for column in range(columns):
+                if np.isnan(last[row, column]):
+                    forget_cell(odds, mask, known, seen, row, column)
+                    last[row, column] = -np.inf
+    return forgotten
+
+
+@numba.njit(cache=True, nogil=True)
+def drive_over(odds, mask, known, seen, own, odds_min):
+    """The ground under the chair is free and known, whatever was remembered there."""
+    for row in range(own.shape[0]):
+        for column in range(own.shape[1]):
+            if own[row, column]:
+                odds[row, column] = odds_min
+                mask[row, column] = 0
+                known[row, column] = 1
+                seen[row, column] = 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def cells_inside(own, pose, front, rear, half_width, origin, resolution):
+    """Fill ``own`` (rows, columns) bool: cells whose centre lies in the rectangle at ``pose`` (3,)."""
+    own[:] = False
+    rows, columns = own.shape
+    reach = np.sqrt(max(front, -rear) ** 2 + half_width ** 2)
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    row_0 = max(int((pose[1] - reach - origin[1]) / resolution), 0)
+    row_1 = min(int((pose[1] + reach - origin[1]) / resolution) + 2, rows)
+    column_0 = max(int((pose[0] - reach - origin[0]) / resolution), 0)
+    column_1 = min(int((pose[0] + reach - origin[0]) / resolution) + 2, columns)
+    for row in range(row_0, row_1):
+        dy = origin[1] + (row + 0.5) * resolution - pose[1]
+        for column in range(column_0, column_1):
+            dx = origin[0] + (column + 0.5) * resolution - pose[0]
+            ahead = cos * dx + sin * dy
+            beside = cos * dy - sin * dx
+            own[row, column] = rear <= ahead <= front and abs(beside) <= half_width
+
+
+@numba.njit(cache=True, nogil=True)
+def costs(distance, known, resolution, inscribed, inflation_radius, scaling, track_unknown, cost):
+    """Fill ``cost`` (rows, columns) uint8 from ``distance`` [m]: 254, 253, floor(252 exp(-k (d - r))), 255."""
+    rows, columns = distance.shape
+    # squared distances are whole numbers of cells: one exponential each
+    n = int((inflation_radius / resolution) ** 2) + 2
+    table = np.zeros(n, np.uint8)
+    for i in range(n):
+        d = np.sqrt(i) * resolution
+        if i == 0:
+            table[i] = 254
+        elif d <= inscribed:
+            table[i] = 253
+        elif d <= inflation_radius:
+            table[i] = int(252.0 * np.exp(-scaling * (d - inscribed)))
+    scale = 1.0 / (resolution * resolution)
+    for row in range(rows):
+        for column in range(columns):
+            d = distance[row, column]
+            if d > 0.0 and track_unknown and not known[row, column]:
+                cost[row, column] = 255
+                continue
+            i = int(d * d * scale + 0.5)
+            cost[row, column] = table[i] if i < n else 0

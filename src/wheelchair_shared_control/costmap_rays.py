@@ -1,0 +1,72 @@
+"""Sensors that see along single rays at one height: laser scanners, infrared rangers."""
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True, nogil=True)
+def trace(odds, mask, known, seen, last, touched, own, rays, origin, resolution, band,
+          hit, miss, odds_min, odds_max, stamp, dt):
+    """Mark the ends of ``rays``, then clear along them.
+
+    ``rays`` (n, 6): x, y of the origin in odom, direction [rad], length up to which the ray clears [m],
+    distance of the hit [m] (NaN: none), weight of the hit. ``band``: height of the sensor as a bit's number
+    (-1: out of the bands, nothing is cleared). ``touched`` (rows, columns) uint8 is scratch, zero on entry.
+    """
+    rows, columns = odds.shape
+    bit = np.uint16(1 << max(band, 0))
+    for i in range(rays.shape[0]):
+        if not np.isfinite(rays[i, 4]):
+            continue
+        column = int(np.floor((rays[i, 0] + rays[i, 4] * np.cos(rays[i, 2]) - origin[0]) / resolution))
+        row = int(np.floor((rays[i, 1] + rays[i, 4] * np.sin(rays[i, 2]) - origin[1]) / resolution))
+        if not (0 <= row < rows and 0 <= column < columns) or own[row, column] or touched[row, column] == 1:
+            continue
+        touched[row, column] = 1
+        odds[row, column] = min(odds[row, column] + hit * rays[i, 5], odds_max)
+        mask[row, column] |= bit
+        known[row, column] = 1
+        seen[row, column] += dt
+        last[row, column] = stamp
+    step = 0.5 * resolution
+    for i in range(rays.shape[0]):
+        cos, sin = np.cos(rays[i, 2]), np.sin(rays[i, 2])
+        for k in range(int(rays[i, 3] / step)):
+            column = int(np.floor((rays[i, 0] + (k + 0.5) * step * cos - origin[0]) / resolution))
+            row = int(np.floor((rays[i, 1] + (k + 0.5) * step * sin - origin[1]) / resolution))
+            if not (0 <= row < rows and 0 <= column < columns):
+                break
+            if touched[row, column] or own[row, column]:
+                continue
+            touched[row, column] = 2
+            m = mask[row, column]
+            if m == 0:
+                odds[row, column] = max(odds[row, column] - miss, odds_min)
+                known[row, column] = 1
+                continue
+            if band < 0 or not m & bit:
+                continue
+            # one height is all that such a sensor sees: it speaks for the whole thing
+            erased = _run_with(m, band)
+            if erased == m:
+                odds[row, column] -= miss
+                if odds[row, column] <= 0.0:
+                    odds[row, column] = odds_min
+                    mask[row, column] = 0
+                    seen[row, column] = 0.0
+            else:
+                mask[row, column] = m & ~erased
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _run_with(mask, band):
+    """The bits of ``mask`` that are connected with bit ``band``."""
+    run = np.uint16(0)
+    k = band
+    while k >= 0 and (mask >> k) & 1:
+        run |= np.uint16(1 << k)
+        k -= 1
+    k = band + 1
+    while k < 15 and (mask >> k) & 1:
+        run |= np.uint16(1 << k)
+        k += 1
+    return run
