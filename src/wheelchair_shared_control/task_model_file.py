@@ -115,6 +115,8 @@ def _read(path):
                 if name not in names:
                     raise TaskModelError("is no task model: entry '%s' is missing" % name[:-4])
             return {name: _entry(archive, name) for name in ENTRIES}
+    except TaskModelError:
+        raise
     except PermissionError as error:
         raise TaskModelError("cannot be read: %s" % error.strerror)
     except (OSError, ValueError, EOFError, RuntimeError, NotImplementedError, zipfile.BadZipFile) as error:

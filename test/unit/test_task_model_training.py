@@ -1,0 +1,79 @@
+"""Fitting, choosing K, calibration: on samples whose answer is known."""
+import numpy as np
+import pytest
+
+from wheelchair_shared_control import parameters, training
+from wheelchair_shared_control.task_model import MIRROR, TaskModelError
+
+SETTINGS = parameters.load("training").replace(initialisations=2)
+
+
+def turning_samples(rng, count=600, spread=0.2):
+    """Samples whose turn rate depends on the side that is free: left near d_l = 2, right near d_r = 2."""
+    d_l, d_f, d_r = rng.uniform(0.1, 2.0, (3, count))
+    v = rng.uniform(0.1, 0.5, count)
+    w = 0.2 * (d_l - d_r) + spread * rng.normal(size=count)
+    return np.column_stack((d_l, d_f, d_r, v, np.maximum(w, 0), np.maximum(-w, 0)))
+
+
+def test_fit_is_deterministic_and_order_does_not_matter():
+    rng = np.random.default_rng(1)
+    samples = turning_samples(rng)
+    first = training.fit(samples, 3, SETTINGS, seed=4)
+    second = training.fit(samples[rng.permutation(len(samples))], 3, SETTINGS, seed=4)
+    assert (first.means == second.means).all() and (first.covariances == second.covariances).all()
+
+
+def test_a_mirrored_set_gives_mirrored_predictions():
+    rng = np.random.default_rng(2)
+    samples = turning_samples(rng)
+    model = training.fit(samples, 3, SETTINGS, seed=4)
+    mirrored = training.fit(samples[:, MIRROR], 3, SETTINGS, seed=4)
+    inputs = samples[:200, :4]
+    here, there = model.predict_many(inputs), mirrored.predict_many(inputs[:, (2, 1, 0, 3)])
+    np.testing.assert_allclose(there.sigma_l, here.sigma_r, rtol=1e-6)
+    np.testing.assert_allclose(there.sigma_r, here.sigma_l, rtol=1e-6)
+    np.testing.assert_allclose(there.mean_l, here.mean_r, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(there.log_density, here.log_density, rtol=1e-6)
+
+
+def test_samples_that_never_turn_right_keep_a_floor():
+    rng = np.random.default_rng(3)
+    samples = turning_samples(rng)
+    samples[:, 5] = 0.0
+    model = training.fit(samples, 3, SETTINGS, seed=4)
+    # w_r does not vary: its scale is the smallest one, 2 % of 1 rad/s, and the floor 5 % of that
+    expected = SETTINGS.floor * training.SMALLEST_SCALE * 1.0
+    sigma_r = model.predict_many(samples[:, :4]).sigma_r
+    np.testing.assert_allclose(sigma_r, expected, rtol=0.05)
+
+
+def test_samples_of_a_known_mixture_are_covered_as_they_should_be():
+    rng = np.random.default_rng(4)
+    # one Gaussian: 68.3 % and 95.4 % of its own samples lie within one and two sigma
+    factor = 0.3 * rng.normal(size=(6, 6)) + np.eye(6)
+    samples = rng.normal(size=(4000, 6)) @ factor.T
+    bag_index = np.repeat(np.arange(8), 500)
+    found = training.calibrate(samples, bag_index, 1, SETTINGS, seed=0)
+    assert found.samples == 4000
+    # 4000 draws: a standard error of 0.7 points
+    assert found.coverage["1"] == pytest.approx(0.683, abs=0.03)
+    assert found.coverage["2"] == pytest.approx(0.954, abs=0.015)
+    assert found.within_sigma["w"] == pytest.approx(0.683, abs=0.03)
+
+
+def test_the_number_of_components_is_found():
+    rng = np.random.default_rng(5)
+    samples = np.concatenate([centre + rng.normal(size=(300, 6)) for centre in (0.0, 12.0)])
+    model, scores = training.train(samples, np.zeros(600, int), "auto", SETTINGS, 0, {})
+    assert model.components == 2
+    assert min(scores, key=scores.get) == 2 and len(scores) == 8
+
+
+def test_too_few_samples_are_refused():
+    with pytest.raises(TaskModelError, match="10 samples are too few for 3 components: at least 54"):
+        training.fit(np.zeros((10, 6)), 3, SETTINGS, seed=0)
+
+
+def test_one_bag_cannot_be_left_out():
+    assert training.calibrate(np.zeros((100, 6)), np.zeros(100), 1, SETTINGS, 0) is None
