@@ -4,7 +4,6 @@ The person sees the truth ``delay`` seconds late, carries it on in mind with the
 with a hand that moves at a finite rate. Poses are in the door's frame (x along the normal, 0 at the plane).
 """
 from collections import deque
-from typing import NamedTuple
 
 import numpy as np
 
@@ -84,26 +83,6 @@ class Eye:
         return found
 
 
-class Leg(NamedTuple):
-    """A straight piece of a way, from ``start`` to ``end`` (2,) [m], driven forward or backward."""
-
-    start: np.ndarray
-    end: np.ndarray
-    reverse: bool = False
-
-    @property
-    def length(self):
-        """Length [m]."""
-        return float(np.hypot(*(self.end - self.start)))
-
-    @property
-    def heading(self):
-        """Yaw [rad] of the chair on this leg."""
-        direction = self.end - self.start
-        yaw = float(np.arctan2(direction[1], direction[0]))
-        return float(se2.wrap_angle(yaw + np.pi)) if self.reverse else yaw
-
-
 def turn_on_the_spot(error, settings):
     """Turn rate [rad/s] that takes a heading ``error`` [rad] away without overshoot."""
     drive = settings.drive
@@ -116,7 +95,7 @@ def along_leg(pose, leg, speed, turning, settings):
     A cross-track error bends the wanted heading towards the leg over ``look_ahead``.
     """
     drive = settings.drive
-    direction = (leg.end - leg.start) / max(leg.length, 1e-9)
+    direction = leg.direction
     offset = pose[:2] - leg.start
     cross = float(direction[0] * offset[1] - direction[1] * offset[0])
     bend = np.arctan2(cross, drive.look_ahead)

@@ -7,8 +7,10 @@ import numpy as np
 
 from wheelchair_shared_control import se2
 from wheelchair_shared_control.assistance import ASSISTING
-from wheelchair_shared_control.person import Leg, along_leg, turn_on_the_spot
+from wheelchair_shared_control.ground import from_world, room
+from wheelchair_shared_control.person import along_leg, turn_on_the_spot
 from wheelchair_shared_control.values import STOP, Twist
+from wheelchair_shared_control.way_plan import Leg, plan
 
 
 class Way:
@@ -16,11 +18,11 @@ class Way:
 
     def __init__(self, settings, chair, door_pose_world, world=None):
         self.settings, self.chair = settings, chair
+        self._ground = None if world is None else from_world(world, door_pose_world)
+        self.half_gap = None if world is None else self._ground.half_gap
         self._legs, self._turning, self._planned = [], False, False
         self._moved, self._moved_at = None, None
         self._backing = False
-        self.half_gap = None
-        self.end = settings.drive.beyond
 
     @property
     def legs(self):
@@ -28,7 +30,12 @@ class Way:
         return tuple(self._legs)
 
     def turn_to(self, now, pose, twist, error):
-        """Stick that turns the chair by ``error`` [rad] on the spot."""
+        """Stick that turns the chair by ``error`` [rad] on the spot; along the way first where walls forbid that."""
+        if self._ground is not None and abs(error) > 0.1:
+            yaws = pose[2] + np.linspace(0.0, error, 2 + int(abs(error) / 0.1))
+            poses = np.column_stack((np.full_like(yaws, pose[0]), np.full_like(yaws, pose[1]), yaws))
+            if room(self._ground, self.chair, poses[1:]).min() < 0.5 * self.settings.plan.minimum:
+                return self.steer(now, pose, twist)
         return Twist(0.0, turn_on_the_spot(error, self.settings))
 
     def steer(self, now, pose, twist, assistance_state=0):
@@ -54,22 +61,16 @@ class Way:
     # ---- plan --------------------------------------------------------------------------------------
 
     def _plan(self, pose):
-        drive = self.settings.drive
-        end = np.array([self.end, 0.0])
-        x, y = pose[0], pose[1]
-        meet = -(drive.square + 0.2)
-        if x > -drive.square or abs(y) < 0.08 * (-x - drive.square + 0.3):
-            return [Leg(np.array([min(x, -drive.square), 0.0]), end)]
-        # Come in at 45 degrees or less where the room allows it.
-        corner = np.array([np.clip(x + 1.2 * abs(y), -1.6, meet), 0.0])
-        return [Leg(pose[:2].copy(), corner), Leg(corner, end)]
+        legs = plan(pose, self.settings, self.chair, self._ground)
+        self.end = legs[-1].end
+        return legs
 
     def _led_off(self, pose):
         """Whether the chair is no longer near the leg ahead (another hand has steered it)."""
         if not self._legs or pose[0] > -self.settings.drive.square:
             return False
         leg = self._legs[0]
-        direction = (leg.end - leg.start) / max(leg.length, 1e-9)
+        direction = leg.direction
         offset = pose[:2] - leg.start
         return abs(direction[0] * offset[1] - direction[1] * offset[0]) > 0.3
 
@@ -77,13 +78,13 @@ class Way:
         """Drop the leg ahead once its end is reached, or passed, or near enough to round a slight corner."""
         while self._legs:
             leg = self._legs[0]
-            direction = (leg.end - leg.start) / max(leg.length, 1e-9)
+            direction = leg.direction
             left = float(direction @ (leg.end - pose[:2]))
             if left > self._rounding():
                 return
             self._legs = self._legs[1:]
             self._turning, self._backing = False, False
-            if not self._legs and pose[0] < self.end - 0.1:  # a leg of backing off was the last one
+            if not self._legs and leg.reverse:  # backed off: look again
                 self._legs = self._plan(pose)
                 return
 
@@ -99,7 +100,7 @@ class Way:
 
     def _speed(self, pose, leg):
         drive = self.settings.drive
-        direction = (leg.end - leg.start) / max(leg.length, 1e-9)
+        direction = leg.direction
         left = float(direction @ (leg.end - pose[:2]))
         speed = drive.cruise
         if leg.reverse:
