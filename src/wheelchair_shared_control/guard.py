@@ -1,0 +1,222 @@
+"""The guard: no command passes whose braking sweep meets an obstacle; it slows first, then stops.
+
+The sweep is that of the true footprint from the pose that the chair will have when the command acts (age of
+the odometry, dead time and lag of the motors) to its standstill, along the command's arc. A command that does
+not bring the chair closer to what it already stands close to always passes: nobody is trapped.
+"""
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from wheelchair_shared_control import footprint as outline
+from wheelchair_shared_control import sweep
+from wheelchair_shared_control.values import STOP, Twist
+
+FREE, SLOWED, STOPPED, DEGRADED = 0, 1, 2, 3
+SCALES = (0.85, 0.7, 0.55, 0.4, 0.28, 0.18, 0.1, 0.05)
+GROUND_CELLS = 1024  # remembered ground: 25.6 m a side, older cells are overwritten
+GROUND_RESOLUTION = 0.025  # m
+# The outline is taken smaller by this much [m] where unknown ground is concerned, both for what counts as driven
+# over and for what must not be entered: a chair that drives back along its own track deviates by a little.
+RIM = 0.05
+NOTHING = np.empty((0, 2))
+
+
+class Verdict(NamedTuple):
+    """``command`` that may be sent, ``state`` FREE, SLOWED or STOPPED, ``reason`` in words, and the point
+    (2,) [odom, m] that decided, or None."""
+
+    command: Twist
+    state: int
+    reason: str
+    point: object = None
+
+
+class Scene(NamedTuple):
+    """What stands around the chair, in odom [m, m/s]: still points (n, 2), moving points (m, 2) as they were at
+    ``moving_stamp`` with their velocities (m, 2), and unknown ground (k, 2)."""
+
+    still: np.ndarray
+    unknown: np.ndarray
+    moving: np.ndarray = NOTHING
+    moving_velocity: np.ndarray = NOTHING
+    moving_stamp: float = 0.0
+    cell: float = 0.0  # edge of a cell [m]: an obstacle may begin half of it before the centre
+
+
+class Guard:
+    """Remembers the commands still on their way to the wheels and the ground that was driven over."""
+
+    def __init__(self, settings):
+        self._settings = settings.guarding
+        self._footprint = outline.from_settings(settings.wheelchair)
+        self._limits = settings.wheelchair.limits
+        self._actuation = settings.wheelchair.actuation
+        self._period = 1.5 / settings.rate
+        self._max_range = settings.max_range
+        self._reach = self._furthest()
+        self.reset()
+
+    def reset(self):
+        """Forget: the next pose is a new start, on new ground."""
+        self._sent = deque(maxlen=256)
+        self._ground = np.full((GROUND_CELLS, GROUND_CELLS, 2), np.iinfo(np.int32).min, dtype=np.int32)
+        self._last_pose = None
+
+    def sent(self, now, command):
+        """Note a command that was sent at ``now`` [s]."""
+        self._sent.append((now, command.v, command.w))
+        oldest = now - self._actuation.dead_time - 1.0
+        while len(self._sent) > 1 and self._sent[1][0] < oldest:
+            self._sent.popleft()
+
+    def stand_on(self, pose):
+        """Note the pose (3,) in odom: the ground below the chair is free. The first one is the start."""
+        margin = self._settings.start_margin
+        if self._last_pose is not None:
+            dx, dy = pose[0] - self._last_pose[0], pose[1] - self._last_pose[1]
+            turn = abs(math.remainder(pose[2] - self._last_pose[2], 2.0 * math.pi))
+            if math.hypot(dx, dy) < 0.02 and turn < 0.02:
+                return
+            # A jump is a chair set elsewhere: that is a start again.
+            if math.hypot(dx, dy) < 0.5:
+                margin = 0.0
+        ground = outline.grown(self._footprint, margin - RIM)
+        sweep.remember(
+            self._ground, GROUND_RESOLUTION, np.asarray(pose, dtype=float), ground.front, ground.rear,
+            ground.half_width,
+        )
+        self._last_pose = np.array(pose, dtype=float)
+
+    def look(self, grid, pose, range_points=NOTHING, moving=None):
+        """The ``Scene`` around ``pose``: obstacles within ``max_range``, unknown ground within the guard's reach.
+
+        Without a grid the ranges alone.
+        """
+        if grid is None:
+            return Scene(np.ascontiguousarray(range_points, dtype=float), NOTHING)
+        outline_ = self._footprint
+        lethal, unknown = sweep.gather(
+            grid.cells, grid.resolution, float(grid.origin[0]), float(grid.origin[1]),
+            np.asarray(pose, dtype=float), outline_.front, outline_.rear, outline_.half_width,
+            max(self._max_range, self._reach), self._reach, self._ground, GROUND_RESOLUTION,
+        )
+        scene = Scene(np.concatenate((lethal, range_points)) if len(range_points) else lethal, unknown,
+                      cell=grid.resolution)
+        if moving is not None and len(moving.points):
+            scene = scene._replace(
+                moving=moving.points, moving_velocity=moving.velocities, moving_stamp=moving.stamp
+            )
+        return scene
+
+    def _furthest(self):
+        """Furthest that any point of the chair gets before it stands [m]."""
+        limits, actuation, settings = self._limits, self._actuation, self._settings
+        radius = self._footprint.circumscribed_radius
+        wait = 0.3 + actuation.dead_time + 2.0 * actuation.lag + self._period
+        straight = limits.speed * (wait + 0.5 * limits.speed / settings.deceleration)
+        turning = radius * limits.turn_rate * (wait + 0.5 * limits.turn_rate / settings.turn_deceleration)
+        return min(max(straight, turning) + 0.2, 2.5)
+
+    def clearance(self, scene, pose):
+        """Distance [m] from the footprint at ``pose`` to the nearest obstacle of ``scene``; 0 inside."""
+        box = self._footprint
+        nearest = sweep.nearest(scene.still, pose[0], pose[1], pose[2], box.front, box.rear, box.half_width)
+        return max(float(nearest), 0.0)
+
+    def check(self, command, now, odometry, scene):
+        """The most of ``command`` that may be sent at ``now`` [s], as a ``Verdict``."""
+        if command.v == 0.0 and command.w == 0.0:
+            return Verdict(STOP, FREE, "")
+        acts = now + self._actuation.dead_time
+        sent = np.array(self._sent, dtype=float).reshape(-1, 3)
+        pose, v, w = sweep.coast(
+            np.asarray(odometry.pose, dtype=float), odometry.twist.v, odometry.twist.w, sent,
+            min(odometry.stamp, now), acts, self._actuation.dead_time, self._actuation.lag,
+        )
+        obstacles = self._obstacles(scene, np.asarray(odometry.pose, dtype=float), pose, acts)
+        hit = self._hit(command, pose, v, w, obstacles)
+        if hit is None:
+            return Verdict(command, FREE, "")
+        passed, failed = 0.0, 1.0
+        for scale in SCALES:
+            slower = self._hit(Twist(command.v * scale, command.w * scale), pose, v, w, obstacles)
+            if slower is None:
+                passed = scale
+                break
+            failed, hit = scale, slower
+        for _ in range(3 if passed else 0):
+            scale = 0.5 * (passed + failed)
+            slower = self._hit(Twist(command.v * scale, command.w * scale), pose, v, w, obstacles)
+            if slower is None:
+                passed = scale
+            else:
+                failed, hit = scale, slower
+        what = self._describe(hit, obstacles, pose)
+        if passed == 0.0:
+            return Verdict(STOP, STOPPED, "stopped: " + what, obstacles[0][hit])
+        return Verdict(
+            Twist(command.v * passed, command.w * passed), SLOWED,
+            "slowed to %.0f %%: %s" % (100.0 * passed, what), obstacles[0][hit],
+        )
+
+    def _obstacles(self, scene, present, pose, acts):
+        """Points (n, 2), velocities (n, 2), kinds (n,): 0 still, 1 moving, 2 unknown, 3 unknown ahead; half
+        a cell [m]."""
+        if len(scene.unknown):
+            # ahead of the chair as it stands now: what it reaches before the command acts was ahead, too
+            dx, dy = scene.unknown[:, 0] - present[0], scene.unknown[:, 1] - present[1]
+            ahead = math.cos(present[2]) * dx + math.sin(present[2]) * dy > self._footprint.front - 1.5 * RIM
+            unknown_kinds = np.where(ahead, 3, 2)
+        else:
+            unknown_kinds = np.empty(0, dtype=int)
+        moved = NOTHING
+        if len(scene.moving):
+            travelled = min(max(acts - scene.moving_stamp, 0.0), self._settings.moving_horizon)
+            moved = scene.moving + scene.moving_velocity * travelled
+        box = self._footprint
+        still = scene.still[
+            sweep.within(scene.still, pose, box.front, box.rear, box.half_width, self._reach)
+        ]
+        points = np.concatenate((still, moved, scene.unknown))
+        velocities = np.zeros_like(points)
+        velocities[len(still) : len(still) + len(moved)] = scene.moving_velocity
+        kinds = np.concatenate((np.zeros(len(still), int), np.ones(len(moved), int), unknown_kinds))
+        return points, velocities, kinds, 0.5 * scene.cell
+
+    def _hit(self, command, pose, v, w, obstacles):
+        """Index of the first obstacle that the braking sweep of ``command`` meets, or None."""
+        points, velocities, kinds, half_cell = obstacles
+        settings, box = self._settings, self._footprint
+        poses, times = sweep.brake(
+            pose, v, w, command.v, command.w, self._period, settings.deceleration, settings.turn_deceleration,
+            self._actuation.lag,
+        )
+        corner_speed = math.hypot(command.v, command.w * box.circumscribed_radius)
+        margin = half_cell + settings.margin + settings.margin_per_speed * corner_speed
+        margins = np.where(kinds == 0, margin, np.where(kinds == 1, margin + settings.moving_margin, 0.0))
+        if abs(command.v) <= settings.unknown_speed:
+            margins[kinds == 3] = -math.inf
+        index, _ = sweep.first_violation(
+            poses, times, points, velocities, margins, settings.moving_horizon, box.front, box.rear,
+            box.half_width, RIM,
+        )
+        return None if index < 0 else index
+
+    def _describe(self, index, obstacles, pose):
+        points, kinds = obstacles[0], obstacles[2]
+        dx, dy = points[index] - pose[:2]
+        x = math.cos(pose[2]) * dx + math.sin(pose[2]) * dy
+        y = math.cos(pose[2]) * dy - math.sin(pose[2]) * dx
+        box = self._footprint
+        if x > box.front:
+            where = "ahead"
+        elif x < box.rear:
+            where = "behind"
+        else:
+            where = "on the left" if y > 0.0 else "on the right"
+        distance = max(sweep.signed_distance(x, y, box.front, box.rear, box.half_width), 0.0)
+        what = ("obstacle", "something moving", "unknown ground", "unknown ground")[kinds[index]]
+        return "%s %.2f m %s" % (what, distance, where)

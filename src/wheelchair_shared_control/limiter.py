@@ -1,0 +1,80 @@
+"""The limiter: brings a command to the chair no faster than a seated person bears.
+
+Speed, turn rate and their changes are bounded on both axes; the jerk is bounded along the direction of
+travel only, where it is felt: the person sits close to the drive axle, so that turning moves them little.
+"""
+import math
+
+from wheelchair_shared_control.values import STOP, Twist
+
+
+def within_limits(command, limits):
+    """``command`` scaled down, keeping its arc, until speed and turn rate are within ``limits``."""
+    excess = max(abs(command.v) / limits.speed, abs(command.w) / limits.turn_rate, 1.0)
+    return Twist(command.v / excess, command.w / excess)
+
+
+def approach(value, rate, target, max_rate, max_change, dt):
+    """One step of ``value`` towards ``target`` with bounded rate and bounded change of the rate.
+
+    Returns the new value and the new rate. The rate is reduced in time to arrive without overshoot: a rate r
+    that falls by ``max_change * dt`` a step covers ``r (r + max_change dt) / (2 max_change)`` before it is 0.
+    """
+    gap = target - value
+    if gap == 0.0 and rate == 0.0:
+        return value, 0.0
+    drop = max_change * dt
+    highest = 0.5 * (math.sqrt(drop * drop + 8.0 * max_change * abs(gap)) - drop)
+    wanted = math.copysign(min(max_rate, highest), gap)
+    new_rate = min(max(wanted, rate - drop), rate + drop)
+    new_rate = min(max(new_rate, -max_rate), max_rate)
+    step = new_rate * dt
+    # Arrived: within one step, and slow enough to end there.
+    if abs(gap) <= abs(step) + 1e-12 and step * gap >= 0.0 and abs(new_rate) <= 2.0 * drop:
+        return target, 0.0
+    return value + step, new_rate
+
+
+class Limiter:
+    """Memory of the last command and its acceleration; ``limits`` are the chair's settings."""
+
+    def __init__(self, limits):
+        self._limits = limits
+        self.reset()
+
+    def reset(self):
+        """Forget: the chair stands."""
+        self.command = STOP
+        self._acceleration = 0.0
+
+    def step(self, target, dt):
+        """The command [m/s, rad/s] to send ``dt`` [s] after the last one, on the way to ``target``."""
+        limits = self._limits
+        target = within_limits(target, limits)
+        v, self._acceleration = approach(
+            self.command.v, self._acceleration, target.v, limits.acceleration, limits.jerk, dt
+        )
+        change = limits.turn_acceleration * dt
+        w = min(max(target.w, self.command.w - change), self.command.w + change)
+        self.command = Twist(v, w)
+        return self.command
+
+    def ramp_down(self, dt):
+        """The command on the way to standstill at the acceleration limit, without regard to jerk."""
+        limits = self._limits
+        self._acceleration = 0.0
+        self.command = Twist(
+            _towards_zero(self.command.v, limits.acceleration * dt),
+            _towards_zero(self.command.w, limits.turn_acceleration * dt),
+        )
+        return self.command
+
+    def sent(self, command):
+        """Take over what the guard left of the last step: the next one starts there."""
+        if command != self.command:
+            self.command = command
+            self._acceleration = 0.0
+
+
+def _towards_zero(value, change):
+    return math.copysign(max(abs(value) - change, 0.0), value) if value else 0.0

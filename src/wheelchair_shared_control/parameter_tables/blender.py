@@ -1,0 +1,40 @@
+"""Blender: policy, blend, ages of its inputs, guard."""
+from wheelchair_shared_control.parameters import P
+
+INCLUDES = ["wheelchair"]
+
+TABLE = [
+    P("policy", str, "", None, None, "row of the policies table, or path.py:function"),
+    P("guard", bool, "", None, None, "false reproduces the paper, which has none"),
+    P("rate", float, "Hz", 28.0, 62.0, "ticks while no new user's command arrives"),
+    P("odom_frame", str, "", None, None, "frame of odometry, costmap and markers"),
+    P("sigma_scale", float, "", 0.1, 10.0, "times the learned standard deviation (paper IV-C: 3)"),
+    P("max_range", float, "m", 0.2, 10.0, "range of the features; an empty region gives this"),
+    P("stick/dead_zone_v", float, "m/s", 0.0, 0.2, "a slower user's speed counts as a stick at rest"),
+    P("stick/dead_zone_w", float, "rad/s", 0.0, 0.2, "a slower user's turn rate counts as a stick at rest"),
+    P("planner_straight", float, "rad/s", 0.0, 0.1, "a planner's turn rate below this counts as 0 in Eq. 3"),
+    P("fixed_share/user", float, "", 0.0, 1.0, "a of policy fixed_share: (1 - a) u_P + a u_H"),
+    P("assisted_teleop/horizon", float, "s", 0.1, 10.0, "time to collision below which the user is slowed"),
+    P("assisted_teleop/step", float, "s", 0.01, 0.5, "step of that look ahead"),
+    P("confidence/horizon", float, "s", 0.1, 5.0, "time T for which a deviation may last before it is corrected"),
+    P("confidence/margin", float, "m", 0.0, 0.5, "clearance that no deviation may use up"),
+    P("confidence/transition", float, "", 0.01, 20.0, "log density below the 5 % quantile where the bound rules alone"),
+    P("ages/user", float, "s", 0.05, 2.0, "older: the chair stops"),
+    P("ages/planner", float, "s", 0.05, 2.0, "older: the assistance ends in FAULT"),
+    P("ages/odom", float, "s", 0.05, 2.0, "older: the chair stops"),
+    P("ages/costmap", float, "s", 0.05, 2.0, "newest observation behind now; older: the chair stops"),
+    P("ages/costmap_silence", float, "s", 0.2, 5.0, "without any grid: its process counts as dead (DEGRADED)"),
+    P("ages/ranges", float, "s", 0.05, 2.0, "older: the chair stops"),
+    P("ages/prediction", float, "s", 0.02, 2.0, "older: the assistance ends in FAULT"),
+    P("ages/model_silence", float, "s", 0.2, 60.0, "a question unanswered for so long is asked anew"),
+    P("degraded/speed", float, "m/s", 0.02, 0.5, "highest speed guarded by the ranges alone"),
+    P("degraded/turn_rate", float, "rad/s", 0.02, 1.0, "highest turn rate guarded by the ranges alone"),
+    P("guarding/deceleration", float, "m/s2", 0.1, 5.0, "at which the guard counts on the chair to brake"),
+    P("guarding/turn_deceleration", float, "rad/s2", 0.1, 10.0, "the same for turning"),
+    P("guarding/margin", float, "m", 0.0, 0.2, "kept from obstacles by a chair that barely moves"),
+    P("guarding/margin_per_speed", float, "s", 0.0, 0.5, "added to the margin per speed of the fastest corner"),
+    P("guarding/moving_margin", float, "m", 0.0, 0.5, "added to the margin of an obstacle that moves"),
+    P("guarding/moving_horizon", float, "s", 0.0, 3.0, "for which a moving obstacle is moved on"),
+    P("guarding/unknown_speed", float, "m/s", 0.0, 1.0, "up to this, unknown ground ahead is taken as free"),
+    P("guarding/start_margin", float, "m", 0.0, 1.0, "the first footprint grown by this is taken as free"),
+]

@@ -1,0 +1,66 @@
+"""Rangers as obstacles: where in odom the six readings stand, and how old each is."""
+import math
+
+import numpy as np
+
+from wheelchair_shared_control.values import RANGERS
+
+
+class RangePoints:
+    """Keeps the last valid reading of each ranger as points in odom (REP 117).
+
+    +Inf clears, NaN says nothing (the last valid reading ages), -Inf is an obstacle at the minimum along the
+    beam. ``settings`` are the wheelchair's.
+    """
+
+    def __init__(self, settings):
+        rangers = settings.rangers
+        xs = {"front": rangers.x_front, "middle": rangers.x_middle, "rear": rangers.x_rear}
+        self._x = np.array([xs[name.split("_")[1]] for name in RANGERS])
+        self._side = np.array([1.0 if name.startswith("left") else -1.0 for name in RANGERS])
+        self._y = rangers.y * self._side
+        self._minimum = rangers.min_range
+        half = 0.5 * rangers.field_of_view
+        self._angles = np.array([-half, 0.0, half])
+        self.reset()
+
+    def reset(self):
+        """Forget all readings."""
+        self._taken = np.full(6, -np.inf)  # stamp of the last message used
+        self._valid = np.full(6, -np.inf)  # stamp of the last valid reading
+        self._points = np.full((6, len(self._angles), 2), np.nan)
+
+    def update(self, ranges, pose):
+        """Take new readings; ``pose`` (3,) is that of ``base_link`` in odom at their stamps.
+
+        ``ranges.stamp`` is one stamp or six.
+        """
+        stamps = np.broadcast_to(np.asarray(ranges.stamp, dtype=float), (6,))
+        values = np.asarray(ranges.values, dtype=float)
+        for i in range(6):
+            if not stamps[i] > self._taken[i]:
+                continue
+            self._taken[i] = stamps[i]
+            value = values[i]
+            if math.isnan(value):
+                continue
+            self._valid[i] = stamps[i]
+            if value == math.inf:
+                self._points[i] = np.nan
+                continue
+            beam = max(value, self._minimum)
+            x = self._x[i] + beam * np.sin(self._angles)
+            y = self._y[i] + self._side[i] * beam * np.cos(self._angles)
+            cos, sin = math.cos(pose[2]), math.sin(pose[2])
+            self._points[i, :, 0] = pose[0] + cos * x - sin * y
+            self._points[i, :, 1] = pose[1] + sin * x + cos * y
+
+    def oldest(self, now):
+        """Name and age [s] of the ranger whose last valid reading is oldest."""
+        i = int(np.argmin(self._valid))
+        return RANGERS[i], now - self._valid[i]
+
+    def points(self):
+        """Points (n, 2) in odom [m] of the readings within range."""
+        points = self._points.reshape(-1, 2)
+        return points[~np.isnan(points[:, 0])]

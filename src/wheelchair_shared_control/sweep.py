@@ -1,0 +1,309 @@
+"""The ground that the moving footprint sweeps: compiled loops over cells, poses and points.
+
+The chair is a rectangle (front, rear, half_width) in ``base_link``; points are in odom. The signed distance of
+a point is its distance to the outline, negative inside by the depth below the nearest edge.
+"""
+import math
+
+import numpy as np
+from numba import njit
+
+STEP = 0.02  # s between the poses of a rollout: 1.2 cm at 0.6 m/s, 1.5 cm for a corner at 1 rad/s
+MAX_POSES = 256
+
+
+@njit(cache=True)
+def signed_distance(x, y, front, rear, half_width):
+    """Signed distance [m] of a point (x, y) in ``base_link`` to the rectangle's outline."""
+    dx = max(rear - x, x - front)
+    dy = abs(y) - half_width
+    if dx <= 0.0 and dy <= 0.0:
+        return max(dx, dy)
+    dx = max(dx, 0.0)
+    dy = max(dy, 0.0)
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@njit(cache=True)
+def nearest(points, x, y, yaw, front, rear, half_width):
+    """Signed distance [m] of the nearest of ``points`` (n, 2) at a pose; inf without points."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    best = math.inf
+    for i in range(points.shape[0]):
+        dx, dy = points[i, 0] - x, points[i, 1] - y
+        d = signed_distance(cos * dx + sin * dy, cos * dy - sin * dx, front, rear, half_width)
+        if d < best:
+            best = d
+    return best
+
+
+@njit(cache=True)
+def within(points, pose, front, rear, half_width, reach):
+    """Whether each of ``points`` (n, 2) is nearer to the footprint at ``pose`` than ``reach`` [m]: (n,) bool."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    near = np.empty(points.shape[0], np.bool_)
+    for i in range(points.shape[0]):
+        dx, dy = points[i, 0] - pose[0], points[i, 1] - pose[1]
+        near[i] = signed_distance(cos * dx + sin * dy, cos * dy - sin * dx, front, rear, half_width) < reach
+    return near
+
+
+@njit(cache=True)
+def gather(
+    cells, resolution, origin_x, origin_y, pose, front, rear, half_width, reach, unknown_reach, ground,
+    ground_resolution,
+):
+    """Lethal and unknown cell centres (n, 2), (m, 2) nearer to the footprint at ``pose`` than their reach [m].
+
+    Only cells at the edge of their kind: a sweep meets those first. Ground off the grid is unknown. ``ground``
+    (k, k, 2), k a power of two, remembers cells that the chair has driven over, by their index modulo k: those
+    are known to be free even where the grid knows nothing.
+    """
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    radius = math.sqrt(max(front, -rear) ** 2 + half_width * half_width) + max(reach, unknown_reach)
+    # one cell more on every side, so that each cell that counts has its four neighbours
+    first_c = int(math.floor((pose[0] - radius - origin_x) / resolution)) - 1
+    first_r = int(math.floor((pose[1] - radius - origin_y) / resolution)) - 1
+    width = int(math.ceil(2.0 * radius / resolution)) + 3
+    rows, columns = cells.shape
+    mask = ground.shape[0] - 1
+    kinds = np.zeros((width, width), np.int8)  # 1 lethal, 2 unknown, 0 known and free, or too far away
+    dx_x, dx_y = cos * resolution, -sin * resolution
+    for i in range(width):
+        r = first_r + i
+        y = origin_y + (r + 0.5) * resolution
+        gy = int(math.floor(y / ground_resolution))
+        dy = y - pose[1]
+        x0 = origin_x + (first_c + 0.5) * resolution - pose[0]
+        local_x, local_y = cos * x0 + sin * dy, cos * dy - sin * x0
+        inside_row = 0 <= r < rows
+        for j in range(width):
+            c = first_c + j
+            value = -1
+            if inside_row and 0 <= c < columns:
+                value = cells[r, c]
+            if value == 100:
+                kinds[i, j] = 1
+            elif value == -1:
+                u, w = local_x + j * dx_x, local_y + j * dx_y
+                limit = unknown_reach + 2.0 * resolution
+                if rear - limit < u < front + limit and abs(w) < half_width + limit:
+                    gx = int(math.floor((origin_x + (c + 0.5) * resolution) / ground_resolution))
+                    if ground[gy & mask, gx & mask, 0] != gx or ground[gy & mask, gx & mask, 1] != gy:
+                        kinds[i, j] = 2
+    lethal = np.empty((width * width, 2))
+    unknown = np.empty((width * width, 2))
+    n_lethal, n_unknown = 0, 0
+    for i in range(1, width - 1):
+        y = origin_y + (first_r + i + 0.5) * resolution
+        dy = y - pose[1]
+        for j in range(1, width - 1):
+            kind = kinds[i, j]
+            if kind == 0 or (
+                kinds[i, j - 1] == kind and kinds[i, j + 1] == kind
+                and kinds[i - 1, j] == kind and kinds[i + 1, j] == kind
+            ):
+                continue
+            x = origin_x + (first_c + j + 0.5) * resolution
+            dx = x - pose[0]
+            d = signed_distance(cos * dx + sin * dy, cos * dy - sin * dx, front, rear, half_width)
+            if kind == 1 and d <= reach:
+                lethal[n_lethal, 0], lethal[n_lethal, 1] = x, y
+                n_lethal += 1
+            elif kind == 2 and d <= unknown_reach:
+                unknown[n_unknown, 0], unknown[n_unknown, 1] = x, y
+                n_unknown += 1
+    return lethal[:n_lethal].copy(), unknown[:n_unknown].copy()
+
+
+@njit(cache=True)
+def remember(ground, ground_resolution, pose, front, rear, half_width):
+    """Mark in ``ground`` the cells whose centre lies below the footprint at ``pose`` as driven over."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    radius = math.sqrt(max(front, -rear) ** 2 + half_width * half_width)
+    mask = ground.shape[0] - 1
+    for gy in range(
+        int(math.floor((pose[1] - radius) / ground_resolution)),
+        int(math.floor((pose[1] + radius) / ground_resolution)) + 1,
+    ):
+        dy = (gy + 0.5) * ground_resolution - pose[1]
+        for gx in range(
+            int(math.floor((pose[0] - radius) / ground_resolution)),
+            int(math.floor((pose[0] + radius) / ground_resolution)) + 1,
+        ):
+            dx = (gx + 0.5) * ground_resolution - pose[0]
+            if signed_distance(cos * dx + sin * dy, cos * dy - sin * dx, front, rear, half_width) <= 0.0:
+                ground[gy & mask, gx & mask, 0] = gx
+                ground[gy & mask, gx & mask, 1] = gy
+
+
+@njit(cache=True)
+def advance(pose, v, w, target_v, target_w, lag, dt):
+    """One step of the chair: velocities follow their targets with a first-order lag; returns v, w.
+
+    ``pose`` (3,) is changed in place (a private array of the callers below).
+    """
+    if lag > 0.0:
+        share = 1.0 - math.exp(-dt / lag)
+    else:
+        share = 1.0
+    new_v = v + (target_v - v) * share
+    new_w = w + (target_w - w) * share
+    mean_v, mean_w = 0.5 * (v + new_v), 0.5 * (w + new_w)
+    heading = pose[2] + 0.5 * mean_w * dt
+    pose[0] += mean_v * dt * math.cos(heading)
+    pose[1] += mean_v * dt * math.sin(heading)
+    pose[2] += mean_w * dt
+    return new_v, new_w
+
+
+@njit(cache=True)
+def coast(pose, v, w, sent, since, until, dead_time, lag):
+    """Where the commands already sent bring the chair: pose (3,), v, w at time ``until`` [s].
+
+    ``sent`` (n, 3) holds time, v, w in rising time; each acts ``dead_time`` later. ``pose``, ``v``, ``w`` were
+    measured at ``since``.
+    """
+    pose = pose.copy()
+    t = since
+    i = -1
+    while t < until - 1e-9:
+        dt = min(STEP, until - t)
+        while i + 1 < sent.shape[0] and sent[i + 1, 0] + dead_time <= t + 0.5 * dt:
+            i += 1
+        if i >= 0:
+            v, w = advance(pose, v, w, sent[i, 1], sent[i, 2], lag, dt)
+        else:
+            v, w = advance(pose, v, w, v, w, lag, dt)
+        t += dt
+    return pose, v, w
+
+
+@njit(cache=True)
+def brake(pose, v, w, command_v, command_w, hold, deceleration, turn_deceleration, lag):
+    """Rollout of a command held for ``hold`` [s] and then braked along its arc: poses (n, 3), times (n,)."""
+    poses = np.empty((MAX_POSES, 3))
+    times = np.empty(MAX_POSES)
+    state = pose.copy()
+    stop_time = max(abs(command_v) / deceleration, abs(command_w) / turn_deceleration)
+    n, t = 0, 0.0
+    while n < MAX_POSES:
+        poses[n] = state
+        times[n] = t
+        n += 1
+        # the middle of the step stands for the step
+        braked = t + 0.5 * STEP - hold
+        scale = 1.0
+        if braked > 0.0:
+            scale = 1.0 - braked / stop_time if braked < stop_time else 0.0
+        v, w = advance(state, v, w, command_v * scale, command_w * scale, lag, STEP)
+        t += STEP
+        if scale == 0.0 and abs(v) < 0.01 and abs(w) < 0.01:
+            if n < MAX_POSES:
+                poses[n] = state
+                times[n] = t
+                n += 1
+            break
+    return poses[:n], times[:n]
+
+
+@njit(cache=True)
+def first_violation(poses, times, points, velocities, margins, horizon, front, rear, half_width, rim):
+    """Index of the point that the sweep comes too close to first, and of the pose; -1, -1 if none.
+
+    ``points`` (n, 2) stand where they are at time 0 and move with ``velocities`` (n, 2) for ``horizon`` [s].
+    A point outside the outline at pose 0 must stay ``min(margin, present clearance)`` away, where the present
+    clearance is that of the nearest such point: the chair may pass along what it already stands close to. A
+    point inside must not get deeper. A moving point must not be met sooner than by standing still. A margin of
+    0 marks unknown ground, which must not come further than ``rim`` [m] below the outline; -inf a point of no
+    account.
+
+    No corner moves further between two poses than ``travel`` says, so that a point which is far away needs no
+    look until the chair has come as far as it is away.
+    """
+    n, m = points.shape[0], poses.shape[0]
+    if n == 0:
+        return -1, -1
+    radius = math.sqrt(max(front, -rear) ** 2 + half_width * half_width)
+    travel = np.zeros(m)
+    for j in range(1, m):
+        dx, dy = poses[j, 0] - poses[j - 1, 0], poses[j, 1] - poses[j - 1, 1]
+        travel[j] = travel[j - 1] + math.sqrt(dx * dx + dy * dy) + radius * abs(poses[j, 2] - poses[j - 1, 2])
+    cosines, sines = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x, y, cos0, sin0 = poses[0, 0], poses[0, 1], cosines[0], sines[0]
+    starts = np.empty(n)
+    present = math.inf
+    for i in range(n):
+        dx, dy = points[i, 0] - x, points[i, 1] - y
+        starts[i] = signed_distance(cos0 * dx + sin0 * dy, cos0 * dy - sin0 * dx, front, rear, half_width)
+        if margins[i] > 0.0 and 0.0 <= starts[i] < present:
+            present = starts[i]
+    first_point, first_pose = -1, m
+    for i in range(n):
+        if margins[i] == -math.inf:
+            continue
+        if margins[i] <= 0.0:
+            limit = min(-rim, starts[i])
+        elif starts[i] >= 0.0:
+            limit = min(margins[i], present)
+        else:
+            limit = starts[i]
+        limit -= 1e-6
+        vx, vy = velocities[i, 0], velocities[i, 1]
+        moves = vx != 0.0 or vy != 0.0
+        speed = math.sqrt(vx * vx + vy * vy)
+        j, d = 0, starts[i]
+        while True:
+            room = d - limit
+            k = j + 1
+            while k < first_pose and travel[k] - travel[j] + speed * (times[k] - times[j]) < room:
+                k += 1
+            if k >= first_pose:
+                break
+            j = k
+            t = min(times[j], horizon)
+            px, py = points[i, 0] + vx * t, points[i, 1] + vy * t
+            dx, dy = px - poses[j, 0], py - poses[j, 1]
+            d = signed_distance(
+                cosines[j] * dx + sines[j] * dy, cosines[j] * dy - sines[j] * dx, front, rear, half_width
+            )
+            if d < limit:
+                if moves:
+                    dx, dy = px - x, py - y
+                    standing = signed_distance(
+                        cos0 * dx + sin0 * dy, cos0 * dy - sin0 * dx, front, rear, half_width
+                    )
+                    if d >= standing - 1e-6:
+                        continue
+                first_point, first_pose = i, j
+                break
+    if first_point < 0:
+        return -1, -1
+    return first_point, first_pose
+
+
+@njit(cache=True)
+def _steps_to_collision(pose, v, w, points, steps, step, front, rear, half_width):
+    state = pose.copy()
+    start = nearest(points, state[0], state[1], state[2], front, rear, half_width)
+    for i in range(1, steps + 1):
+        advance(state, v, w, v, w, 0.0, step)
+        clearance = nearest(points, state[0], state[1], state[2], front, rear, half_width)
+        # already inside (a false cell): only what goes deeper is a collision
+        if clearance <= 0.0 and clearance < start:
+            return i
+    return -1
+
+
+def time_to_collision(footprint, pose, command, points, horizon, step):
+    """Time [s] until ``command``, held, brings the footprint onto one of ``points`` (n, 2); inf within ``horizon``.
+
+    ``footprint`` has length, width and axle_to_rear [m]; looked at every ``step`` [s]; a collision within the
+    first step gives 0.
+    """
+    steps = int(math.ceil(horizon / step - 1e-9))
+    hit = _steps_to_collision(
+        np.array(pose, dtype=float), command.v, command.w, np.ascontiguousarray(points, dtype=float), steps, step,
+        footprint.length - footprint.axle_to_rear, -footprint.axle_to_rear, 0.5 * footprint.width,
+    )
+    return math.inf if hit < 0 else (hit - 1) * step
