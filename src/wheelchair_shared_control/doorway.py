@@ -1,0 +1,179 @@
+"""Open doorways in the readings of a depth sensor (Goil 2013, section III-D, after Derry and Argall 2013).
+
+Walls are planes found by RANSAC; every wall is scanned for gaps of door width; a gap is an open doorway if next
+to nothing stands in the volume between its jambs, from the floor up, and rays are seen to pass through it.
+"""
+from typing import NamedTuple, Tuple
+
+import numpy as np
+import open3d as o3d
+
+from wheelchair_shared_control import doorway_gaps, doorway_ground, doorway_jambs, doorway_rays, doorway_volume
+from wheelchair_shared_control import doorway_walls, se2
+from wheelchair_shared_control.values import Doorway
+
+
+class FoundGap(NamedTuple):
+    """A gap and what became of it: ``ends`` (2, 2) [m]; ``reason`` empty if it is a doorway."""
+
+    ends: np.ndarray
+    reason: str
+
+
+class Detection(NamedTuple):
+    """``doorways``, ``walls`` and ``gaps`` in the frame of the input's floor; ``reason`` says why there is no
+    doorway; ``ground`` is how the floor was found."""
+
+    doorways: Tuple[Doorway, ...]
+    walls: Tuple[doorway_walls.Wall, ...]
+    gaps: Tuple[FoundGap, ...]
+    reason: str
+    ground: doorway_ground.Ground
+
+
+def detect_depth(image, camera, base_from_camera, settings, seed=0, stamp=0.0):
+    """Doorways in one depth image.
+
+    ``image`` (height, width) [m]; ``base_from_camera`` (4, 4) lifts the optical frame into a frame whose z = 0 is
+    about the floor. The floor is found within the limits of ``ground/*`` about it; where too little of it is seen
+    the mounting is believed. Doorways come in that frame, x y yaw about its z.
+    """
+    o3d.utility.random.seed(int(seed))
+    image = np.asarray(image)
+    transform = np.asarray(base_from_camera, dtype=float)
+    if image.ndim != 2 or image.shape != (camera.height, camera.width):
+        return _nothing("the image is %s, the camera %d x %d" % (
+            " x ".join(str(n) for n in image.shape[::-1]), camera.width, camera.height))
+    step = max(1, int(round(np.sqrt(image.size / 5000.0))))
+    coarse = doorway_rays.from_image(image, camera, transform, settings, step)
+    if coarse.returned < settings.ground.min_points:
+        return _nothing("%d valid depths" % coarse.returned)
+    ground = doorway_ground.Ground(np.eye(4), False, 0)
+    corrected = doorway_ground.corrected(coarse.points[:, :coarse.returned].T.astype(float), settings)
+    if corrected is not None:
+        ground = doorway_ground.Ground(corrected[0], True, corrected[1])
+    level_from_camera = ground.level_from_sensor @ transform
+    rays = doorway_rays.from_image(image, camera, level_from_camera, settings)
+    few = doorway_rays.transformed(coarse, ground.level_from_sensor)
+    return _detect(rays, few.points[:, :few.returned], ground, settings, stamp)
+
+
+def detect_points(points, settings, origin=(0.0, 0.0, 0.0), level_from_points=None, seed=0, stamp=0.0):
+    """Doorways in a cloud of ``points`` (n, 3) [m] seen from ``origin`` (3,).
+
+    ``level_from_points`` (4, 4) lifts the points into a frame whose z = 0 is about the floor (identity if they are
+    in it); the floor is then found as in ``detect_depth``.
+    """
+    o3d.utility.random.seed(int(seed))
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 3:
+        return _nothing("points of shape %s, not (n, 3)" % (points.shape,))
+    rays = doorway_rays.from_points(points, origin, settings)
+    if rays.returned < settings.ground.min_points:
+        return _nothing("%d valid points" % rays.returned)
+    if level_from_points is not None:
+        rays = doorway_rays.transformed(rays, np.asarray(level_from_points, dtype=float))
+    stride = max(1, rays.returned // 20000)
+    ground = doorway_ground.Ground(np.eye(4), False, 0)
+    corrected = doorway_ground.corrected(rays.points[:, ::stride].T.astype(float), settings)
+    if corrected is not None:
+        ground = doorway_ground.Ground(corrected[0], True, corrected[1])
+        rays = doorway_rays.transformed(rays, corrected[0])
+    return _detect(rays, rays.points, ground, settings, stamp)
+
+
+def _nothing(reason):
+    return Detection((), (), (), reason, doorway_ground.Ground(np.eye(4), False, 0))
+
+
+def _detect(rays, few, ground, settings, stamp):
+    chosen = doorway_walls.chosen_points(few, settings)
+    walls = doorway_walls.find(chosen, rays.origin[:2], settings)
+    found, gaps = [], []
+    for wall in walls:
+        if (wall.line.origin - rays.origin[:2]) @ wall.line.normal < settings.wall.min_distance:
+            continue
+        scan = doorway_gaps.scan(rays, wall.line, settings)
+        for gap in doorway_gaps.gaps(scan, settings):
+            doorway, result = _examine(rays, wall.line, gap, settings, stamp)
+            if result is not None:
+                gaps.append(result)
+            if doorway is not None:
+                found.append(doorway)
+    doorways = _distinct(found)
+    return Detection(tuple(doorways), tuple(walls), tuple(gaps), "" if doorways else _why(walls, gaps), ground)
+
+
+def _examine(rays, line, gap, settings, stamp):
+    """One gap, from rough columns to (Doorway or None, FoundGap or None)."""
+    door, scan = settings.door, settings.gap
+
+    def at(left, right):
+        return line.origin + np.outer((left, right), line.along)
+
+    if not (np.isfinite(gap.left) and np.isfinite(gap.right)):
+        ends = at(*[edge if np.isfinite(edge) else other for edge, other in
+                    ((gap.left, gap.right - 0.8), (gap.right, gap.left + 0.8))])
+        return None, (FoundGap(ends, "one jamb only") if np.isfinite(ends).all() else None)
+    width = gap.right - gap.left
+    if width < door.min_width - scan.slack or width > door.max_width + scan.slack:
+        return None, FoundGap(at(gap.left, gap.right), "%.2f m wide" % width)
+    left, right = gap.left, gap.right
+    beside = settings.jamb.wall_window
+    for _ in range(2):
+        near = doorway_rays.near(rays, line, settings, left - beside, right + beside, 0.0, door.height + 0.4)
+        refined = doorway_jambs.refined_line(near, line, left, right, rays.origin[:2], settings)
+        if refined is None:
+            return None, FoundGap(at(left, right), "too little wall beside it")
+        # edges along the old line are carried over to the new one
+        ends = at(left, right)
+        line, angle_sigma, offset_sigma = refined
+        left, right = np.sort((ends - line.origin) @ line.along)
+        near = doorway_rays.near(rays, line, settings, left - beside, right + beside, 0.0, door.height + 0.4)
+        jambs = doorway_jambs.refined_edges(near, left, right, settings)
+        left, right = jambs.left, jambs.right
+        if not right - left > 0.3:
+            return None, FoundGap(at(gap.left, gap.right), "closed")
+    verdict = doorway_volume.judge(near, jambs, settings)
+    if verdict.reason:
+        return None, FoundGap(at(left, right), verdict.reason)
+    ends = at(left, right) + 0.5 * jambs.thickness * line.normal
+    middle = ends.mean(axis=0)
+    yaw = float(np.arctan2(line.normal[1], line.normal[0]))
+    covariance = _covariance(line, jambs, angle_sigma, offset_sigma, settings)
+    # left of someone who walks through: the larger s is to the right
+    doorway = Doorway(np.array([middle[0], middle[1], yaw]), float(right - left), verdict.confidence, ends,
+                      covariance, stamp)
+    return doorway, FoundGap(at(left, right), "")
+
+
+def _covariance(line, jambs, angle_sigma, offset_sigma, settings):
+    """Covariance (3, 3) of x, y, yaw from the errors along and across the wall."""
+    across = np.hypot(offset_sigma, 0.005 if jambs.measured else settings.jamb.thickness_sigma)
+    along = np.hypot(jambs.edge_sigma, 0.003)
+    turn = np.column_stack((line.normal, line.along))
+    covariance = np.zeros((3, 3))
+    covariance[:2, :2] = turn @ np.diag((across ** 2, along ** 2)) @ turn.T
+    covariance[2, 2] = angle_sigma ** 2 + 0.004 ** 2
+    return covariance
+
+
+def _distinct(doorways):
+    """One doorway seen in two planes (a wall and its frame) counts once: the more confident one stays."""
+    kept = []
+    for doorway in sorted(doorways, key=lambda d: -d.confidence):
+        if all(np.hypot(*(doorway.pose[:2] - other.pose[:2])) > 0.5 for other in kept):
+            kept.append(doorway)
+    return sorted(kept, key=lambda d: float(np.hypot(d.pose[0], d.pose[1])))
+
+
+def _why(walls, gaps):
+    if not walls:
+        return "no wall found"
+    if not gaps:
+        return "%d wall%s, no gap in %s" % (len(walls), "s" * (len(walls) > 1), "them" if len(walls) > 1 else "it")
+    told = sorted(set(gap.reason for gap in gaps if gap.reason))
+    return "%d gap%s, none an open doorway: %s" % (len(gaps), "s" * (len(gaps) > 1), "; ".join(told[:4]))
+
+
+__all__ = ["Detection", "FoundGap", "detect_depth", "detect_points", "se2"]

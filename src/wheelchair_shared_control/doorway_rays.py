@@ -1,0 +1,241 @@
+"""Every reading of a depth sensor as a ray that ends at a point above the levelled floor.
+
+The detector works in the frame *level*: z along the floor's normal, the floor at z = 0. A ray knows more than
+its end point: where it crosses a wall's plane on its way, the wall is open.
+"""
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+LABELS = 4
+WALL, SHALLOW, DEEP, FRONT = range(LABELS)
+
+
+class Rays(NamedTuple):
+    """Rays from ``origin`` (3,) to ``points`` (3, n) float32 [m] in one frame.
+
+    ``noise`` (n,) float32 is the standard deviation along the ray over the distance along it. The last
+    ``unreturned`` rays met nothing within the sensor's range: their points lie beyond it.
+    """
+
+    origin: np.ndarray
+    points: np.ndarray
+    noise: np.ndarray
+    unreturned: int = 0
+
+    @property
+    def returned(self):
+        """Number of rays that met a surface."""
+        return self.points.shape[1] - self.unreturned
+
+
+class Line(NamedTuple):
+    """A wall's plane seen from above: ``origin`` (2,), ``along`` (2,) unit, ``normal`` (2,) unit, away from the
+    sensor; ``along`` is the normal turned by -90 degrees, so s grows to the right as the sensor sees it.
+    ``lean`` is the change of offset with height (0 = vertical) about ``height`` [m].
+    """
+
+    origin: np.ndarray
+    along: np.ndarray
+    normal: np.ndarray
+    lean: float = 0.0
+    height: float = 0.0
+
+
+@njit(cache=True)
+def _from_image(depth, fx, fy, cx, cy, rotation, shift, nearest, farthest, noise_floor, noise_growth, step):
+    rows, columns = depth.shape
+    n = ((rows + step - 1) // step) * ((columns + step - 1) // step)
+    points = np.empty((3, n), np.float32)
+    noise = np.empty(n, np.float32)
+    # returned rays fill the arrays from the front, unreturned ones from the back
+    head, tail = 0, n
+    far = np.float32(2.0) * np.float32(farthest)
+    for v in range(0, rows, step):
+        ry = (v - cy) / fy
+        for u in range(0, columns, step):
+            z = depth[v, u]
+            if z != z or z <= 0.0:
+                continue
+            if z > farthest:
+                tail -= 1
+                at = tail
+                z = far
+            elif z < nearest:
+                continue
+            else:
+                at = head
+                head += 1
+            rx = (u - cx) / fx
+            for k in range(3):
+                points[k, at] = (rotation[k, 0] * rx + rotation[k, 1] * ry + rotation[k, 2]) * z + shift[k]
+            spread = z - np.float32(0.4)
+            noise[at] = (noise_floor + noise_growth * spread * spread) / z
+    # close the hole in the middle
+    gone = n - tail
+    for i in range(gone):
+        for k in range(3):
+            points[k, head + i] = points[k, tail + i]
+        noise[head + i] = noise[tail + i]
+    return points, noise, head, gone
+
+
+def from_image(depth, camera, level_from_camera, settings, step=1):
+    """Rays of every ``step``-th row and column of ``depth`` (height, width) [m].
+
+    REP 117/118: NaN, 0 and -Inf say nothing and are dropped; +Inf, and what lies beyond
+    ``camera/max_range``, is a ray that met nothing.
+    """
+    transform = np.asarray(level_from_camera, dtype=float)
+    points, noise, head, gone = _from_image(
+        np.ascontiguousarray(depth, dtype=np.float32), float(camera.fx), float(camera.fy), float(camera.cx),
+        float(camera.cy), np.ascontiguousarray(transform[:3, :3]), np.ascontiguousarray(transform[:3, 3]),
+        float(settings.sensor.min_range), float(settings.sensor.max_range),
+        float(settings.sensor.noise_floor), float(settings.sensor.noise_growth), int(step))
+    return Rays(transform[:3, 3].copy(), points[:, :head + gone], noise[:head + gone], int(gone))
+
+
+def from_points(points, origin, settings):
+    """Rays from ``origin`` (3,) to the finite ones of ``points`` (n, 3) [m]."""
+    points = np.asarray(points, dtype=np.float32).reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1)]
+    distance = np.linalg.norm(points - np.asarray(origin, dtype=np.float32), axis=1)
+    seen = distance > settings.sensor.min_range_cloud
+    points, distance = points[seen], distance[seen]
+    noise = settings.sensor.cloud_noise / np.maximum(distance, 0.1)
+    return Rays(np.asarray(origin, dtype=float), np.ascontiguousarray(points.T), noise.astype(np.float32), 0)
+
+
+def transformed(rays, transform):
+    """The same rays in another frame, ``transform`` (4, 4)."""
+    rotation, shift = transform[:3, :3], transform[:3, 3]
+    points = rotation.astype(np.float32) @ rays.points + shift.astype(np.float32)[:, None]
+    return rays._replace(origin=rotation @ rays.origin + shift, points=points)
+
+
+@njit(cache=True)
+def _label(offset, noise, reach, tolerance, sigmas, deep):
+    """Label of a ray that ends ``offset`` behind the plane; ``reach`` is the sensor's distance to the plane."""
+    spread = sigmas * noise * abs(offset + reach)
+    limit = tolerance + spread
+    if offset > deep + spread:
+        return 2
+    if offset > limit:
+        return 1
+    if offset < -limit:
+        return 3
+    return 0
+
+
+@njit(cache=True)
+def _crossings(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas, deep,
+               s_low, s_step, s_bins, z_low, z_step, z_bins):
+    counts = np.zeros((4, s_bins, z_bins), np.int32)
+    cs = (origin[0] - line_origin[0]) * along[0] + (origin[1] - line_origin[1]) * along[1]
+    reach = -((origin[0] - line_origin[0]) * normal[0] + (origin[1] - line_origin[1]) * normal[1]
+              - lean * (origin[2] - height))
+    ox, oy = line_origin[0], line_origin[1]
+    for i in range(points.shape[1]):
+        dx, dy, z = points[0, i] - ox, points[1, i] - oy, points[2, i]
+        offset = dx * normal[0] + dy * normal[1] - lean * (z - height)
+        way = offset + reach
+        if way < 0.2 * reach:
+            continue
+        f = reach / way
+        zc = origin[2] + (z - origin[2]) * f
+        row = int((zc - z_low) / z_step)
+        if zc < z_low or row >= z_bins:
+            continue
+        sc = cs + (dx * along[0] + dy * along[1] - cs) * f
+        column = int((sc - s_low) / s_step)
+        if sc < s_low or column >= s_bins:
+            continue
+        label = 2 if i >= returned else _label(offset, noise[i], reach, tolerance, sigmas, deep)
+        counts[label, column, row] += 1
+    return counts
+
+
+def count_crossings(rays, line, settings, s_low, s_step, s_bins, z_low, z_step, z_bins):
+    """Counts (4, s_bins, z_bins) of the rays by label and by where they cross the plane of ``line``.
+
+    WALL ends at the plane, SHALLOW within the depth of a wall behind it, DEEP farther behind, FRONT before it.
+    """
+    scan = settings.gap
+    return _crossings(
+        rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
+        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_low, s_step, s_bins, z_low, z_step,
+        z_bins)
+
+
+class Crossings(NamedTuple):
+    """Rays near one gap, each array (n,): ``s``, ``offset``, ``z`` of the end point in the wall's frame,
+    ``s_cross``, ``z_cross`` where the ray meets the plane, ``label``, ``noise`` [m] across the plane."""
+
+    s: np.ndarray
+    offset: np.ndarray
+    z: np.ndarray
+    s_cross: np.ndarray
+    z_cross: np.ndarray
+    label: np.ndarray
+    noise: np.ndarray
+
+    def where(self, mask):
+        """The rays that ``mask`` selects."""
+        return Crossings(*(column[mask] for column in self))
+
+
+@njit(cache=True)
+def _near(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas, deep,
+          s_min, s_max, z_min, z_max):
+    out = np.empty((points.shape[1], 7), np.float32)
+    n = 0
+    cs = (origin[0] - line_origin[0]) * along[0] + (origin[1] - line_origin[1]) * along[1]
+    reach = -((origin[0] - line_origin[0]) * normal[0] + (origin[1] - line_origin[1]) * normal[1]
+              - lean * (origin[2] - height))
+    for i in range(points.shape[1]):
+        dx, dy, z = points[0, i] - line_origin[0], points[1, i] - line_origin[1], points[2, i]
+        offset = dx * normal[0] + dy * normal[1] - lean * (z - height)
+        s = dx * along[0] + dy * along[1]
+        way = offset + reach
+        if way < 0.05 * reach:
+            continue
+        f = reach / way
+        sc = cs + (s - cs) * f
+        zc = origin[2] + (z - origin[2]) * f
+        crosses = s_min <= sc <= s_max and z_min <= zc <= z_max
+        ends = s_min <= s <= s_max and z_min <= z <= z_max and offset < 1.5
+        if not (crosses or ends):
+            continue
+        out[n, 0], out[n, 1], out[n, 2], out[n, 3], out[n, 4] = s, offset, z, sc, zc
+        out[n, 5] = 2 if i >= returned else _label(offset, noise[i], reach, tolerance, sigmas, deep)
+        out[n, 6] = noise[i] * way
+        n += 1
+    return out[:n]
+
+
+def near(rays, line, settings, s_min, s_max, z_min, z_max):
+    """The rays that cross the window of the plane, or end in the space before and behind it, as Crossings."""
+    scan = settings.gap
+    table = _near(
+        rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
+        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_min, s_max, z_min, z_max)
+    columns = np.ascontiguousarray(table.T)
+    return Crossings(columns[0], columns[1], columns[2], columns[3], columns[4], columns[5].astype(np.int8), columns[6])
+
+
+def line_from_points(a, b, sensor_xy):
+    """A ``Line`` through ``a`` and ``b`` (2,) whose normal points away from ``sensor_xy`` (2,)."""
+    along = np.asarray(b, dtype=float) - np.asarray(a, dtype=float)
+    return line_from_normal(np.array([-along[1], along[0]]), np.asarray(a, dtype=float), sensor_xy)
+
+
+def line_from_normal(normal, point, sensor_xy, lean=0.0, height=0.0):
+    """A ``Line`` with its origin at the sensor's foot on it."""
+    normal = np.asarray(normal, dtype=float)
+    normal = normal / np.hypot(*normal)
+    sensor_xy = np.asarray(sensor_xy, dtype=float)
+    reach = float((np.asarray(point, dtype=float) - sensor_xy) @ normal)
+    if reach < 0.0:
+        normal, reach, lean = -normal, -reach, -lean
+    return Line(sensor_xy + reach * normal, np.array([normal[1], -normal[0]]), normal, lean, height)

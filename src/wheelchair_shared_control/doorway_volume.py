@@ -1,0 +1,123 @@
+"""The door volume: is the space between two jambs open, from the floor up and deep enough to drive through?"""
+from typing import NamedTuple
+
+import numpy as np
+
+from wheelchair_shared_control.doorway_rays import DEEP, FRONT, SHALLOW, WALL
+
+
+class Verdict(NamedTuple):
+    """``reason`` is empty for an open doorway; ``clear`` (2,) [m] the free run along the wall; ``confidence`` in
+    [0, 1]."""
+
+    reason: str
+    clear: tuple
+    confidence: float
+
+
+def judge(near, jambs, settings):
+    """``Verdict`` on the gap between ``jambs`` from the rays ``near`` it (Crossings)."""
+    volume, door = settings.volume, settings.door
+    left, right = jambs.left, jambs.right
+    refuse = lambda reason: Verdict(reason, (left, right), 0.0)  # noqa: E731
+    width = right - left
+    if not door.min_width <= width <= door.max_width:
+        return refuse("%.2f m wide" % width)
+    support = []
+    for side, edge in ((-1.0, left), (1.0, right)):
+        reason, share = _jamb(near, side, edge, settings)
+        if reason:
+            return refuse(reason + (" left" if side < 0 else " right"))
+        support.append(share)
+
+    # what stands in the volume between the jambs, from the wall's front to behind its back
+    inner = (near.s > left + volume.margin) & (near.s < right - volume.margin)
+    body = inner & (near.offset > -volume.before) & (near.offset < max(jambs.thickness, 0.1) + volume.behind) & (
+        near.z > settings.gap.low) & (near.z < door.height)
+    through = (near.s_cross > left + volume.margin) & (near.s_cross < right - volume.margin) & (near.label == DEEP)
+    n_through = int(through.sum())
+    blocked = int(body.sum()) / float(max(body.sum() + n_through, 1))
+    if blocked > volume.max_blocked:
+        return refuse("%.0f %% of the rays end in it" % (100.0 * blocked))
+
+    # enough of it must be seen to be open, low down too: else it is a window, or unknown (glass, a shadow)
+    seen, low = _coverage(near, left, right, jambs.thickness, settings)
+    if seen < volume.min_seen:
+        return refuse("%.0f %% of it seen to be open" % (100.0 * seen))
+    if low < volume.min_low:
+        return refuse("not seen to be open near the floor")
+
+    left_clear, right_clear = _passage(near, left, right, settings)
+    if right_clear - left_clear < max(door.min_width, volume.min_passage * width):
+        return refuse("%.2f m of its width free behind or before it" % max(right_clear - left_clear, 0.0))
+    confidence = min(1.0, seen) * (1.0 - blocked / volume.max_blocked * 0.5) * min(1.0, min(support) + 0.2)
+    return Verdict("", (left, right), float(np.clip(confidence, 0.0, 1.0)))
+
+
+def _jamb(near, side, edge, settings):
+    """Is there a wall of a door's height right beside ``edge``? Returns (reason, share of wall rays)."""
+    jamb = settings.jamb
+    outward = side * (near.s_cross - edge)
+    beside = (outward > jamb.clear) & (outward < jamb.clear + jamb.support_width) & (near.label != FRONT) & (
+        near.z_cross > settings.gap.low)
+    on_wall = beside & (near.label == WALL)
+    if on_wall.sum() < jamb.min_points:
+        return "one jamb only: none seen", 0.0
+    z = near.z_cross[on_wall]
+    tall = np.unique((z / 0.05).astype(int)).size * 0.05
+    if tall < jamb.min_height:
+        return "one jamb only: %.2f m of it seen" % tall, 0.0
+    share = on_wall.sum() / float(beside.sum())
+    # rays that pass above what stands there: furniture
+    top = float(np.percentile(z, 98))
+    above = beside & (near.label >= SHALLOW) & (near.z_cross > top + 0.03) & (near.z_cross < jamb.full_height)
+    if above.sum() > 0.1 * beside.sum() and top < jamb.full_height - 0.1:
+        return "jamb ends at %.2f m:" % top, 0.0
+    if share < jamb.min_share:
+        return "jamb is broken:", share
+    return "", share
+
+
+def _coverage(near, left, right, thickness, settings):
+    """Share of the gap's columns that rays are seen to pass, at all heights and near the floor."""
+    volume = settings.volume
+    n = max(int((right - left) / 0.04), 1)
+    column = ((near.s_cross - left) / (right - left) * n).astype(int)
+    inside = (near.s_cross > left) & (near.s_cross < right) & (near.z_cross > settings.gap.low) & (
+        near.z_cross < settings.door.height)
+    # a ray that ends on the inner face of a jamb tells nothing about the gap's middle: leave its column out
+    reveal = inside & (near.label == SHALLOW) & (
+        (np.abs(near.s - left) < volume.margin) | (np.abs(near.s - right) < volume.margin))
+    deep = inside & (near.label == DEEP)
+    shut = inside & (near.label != DEEP) & (near.label != FRONT) & ~reveal
+
+    def columns(mask):
+        return np.bincount(column[mask], minlength=n)[:n]
+
+    n_deep, n_reveal, n_shut = columns(deep), columns(reveal), columns(shut)
+    counted = n_reveal <= n_deep
+    counted[0] = counted[-1] = False
+    if not counted.any():
+        return 0.0, 0.0
+    good = (n_deep >= volume.min_rays) & (n_deep > 9 * n_shut)
+    near_floor = near.z_cross < volume.low_height
+    n_low, n_low_shut = columns(deep & near_floor), columns(shut & near_floor)
+    low = (n_low >= 2) & (n_low > 4 * n_low_shut)
+    return float(good[counted].mean()), float(low[counted].mean())
+
+
+def _passage(near, left, right, settings):
+    """Free run [m] between tall things from ``volume/passage_before`` before to ``passage`` behind the plane."""
+    volume = settings.volume
+    tall = (near.z > volume.tall) & (near.z < settings.door.height) & (near.offset < volume.passage) & (
+        near.offset > -volume.passage_before) & (near.s > left) & (near.s < right)
+    n = max(int((right - left) / 0.03), 1)
+    column = ((near.s[tall] - left) / (right - left) * n).astype(int)
+    taken = np.bincount(column, minlength=n)[:n] >= volume.min_rays
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], taken, [True])).astype(np.int8)))
+    if len(edges) < 2:
+        return left, left
+    starts, stops = edges[::2], edges[1::2]
+    best = int(np.argmax(stops - starts))
+    step = (right - left) / n
+    return left + starts[best] * step, left + stops[best] * step
