@@ -1,0 +1,1 @@
+"""The simulated world: scenes and maps, the chair's physics, its sensors."""

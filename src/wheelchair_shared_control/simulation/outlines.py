@@ -1,0 +1,219 @@
+"""The world in the chair's height band, seen from above: convex polygons, and exact distances to them."""
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+LOW, HIGH = 0.05, 1.30  # m: what stands lower is rolled over, what hangs higher is passed under
+_CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+
+
+class Outlines(NamedTuple):
+    """Convex polygons: ``vertices`` (n, 5, 2) [m], counter-clockwise, of which the first ``counts`` (n,) are
+    valid; a circle of ``radii`` (n,) about ``centres`` (n, 2) holds each; ``names`` tells whose they are."""
+
+    vertices: np.ndarray
+    counts: np.ndarray
+    centres: np.ndarray
+    radii: np.ndarray
+    names: tuple
+
+
+def from_world(world, low=LOW, high=HIGH):
+    """Outlines of all that reaches into the heights from ``low`` to ``high`` [m]."""
+    z, half = world.boxes[:, 2], world.boxes[:, 6]
+    chosen = np.nonzero((z - half < high) & (z + half > low))[0]
+    polygons, names = [], [world.names[i] for i in chosen]
+    boxes = from_boxes(world.boxes[chosen])
+    for index, (vertices, triangles) in enumerate(world.meshes):
+        pieces = _cut(vertices, triangles, low, high)
+        polygons += pieces
+        names += [world.names[len(world.boxes) + index]] * len(pieces)
+    if polygons:
+        boxes = np.concatenate((boxes, np.zeros((len(polygons), 5, 2))))
+    counts = np.full(len(boxes), 4, dtype=np.int64)
+    for row, polygon in zip(range(len(chosen), len(boxes)), polygons):
+        boxes[row, : len(polygon)] = polygon
+        boxes[row, len(polygon):] = polygon[-1]
+        counts[row] = len(polygon)
+    return _finished(boxes, counts, tuple(names))
+
+
+def from_boxes(boxes):
+    """Corners (n, 5, 2) of boxes (n, 7); the fifth repeats the fourth."""
+    local = _CORNERS[None] * boxes[:, None, 4:6]
+    cos, sin = np.cos(boxes[:, 3])[:, None], np.sin(boxes[:, 3])[:, None]
+    vertices = np.empty((len(boxes), 5, 2))
+    vertices[:, :4, 0] = boxes[:, 0:1] + cos * local[..., 0] - sin * local[..., 1]
+    vertices[:, :4, 1] = boxes[:, 1:2] + sin * local[..., 0] + cos * local[..., 1]
+    vertices[:, 4] = vertices[:, 3]
+    return vertices
+
+
+def _finished(vertices, counts, names):
+    centres = 0.5 * (vertices.min(axis=1) + vertices.max(axis=1)) if len(vertices) else np.zeros((0, 2))
+    radii = np.hypot(*np.moveaxis(vertices - centres[:, None], -1, 0)).max(axis=1) if len(vertices) else np.zeros(0)
+    return Outlines(np.ascontiguousarray(vertices), counts, centres, radii, names)
+
+
+def clearance(outlines, polygon, cap=10.0):
+    """Distance [m] from a convex ``polygon`` (k, 2) to the nearest outline, at most ``cap``; 0 when they meet."""
+    return _clearance(outlines.vertices, outlines.counts, outlines.centres, outlines.radii,
+                      np.ascontiguousarray(polygon, dtype=np.float64), cap)
+
+
+def polygon_distance(a, b):
+    """Distance [m] between two convex polygons (k, 2), (m, 2); 0 when they meet."""
+    return _distance(np.ascontiguousarray(a, dtype=np.float64), np.ascontiguousarray(b, dtype=np.float64))
+
+
+def sees(outlines, a, b):
+    """Whether the straight line from ``a`` (2,) to ``b`` (2,) meets no outline."""
+    length = float(np.hypot(b[0] - a[0], b[1] - a[1]))
+    if length == 0.0:
+        return True
+    direction = (np.asarray(b, dtype=float) - a) / length
+    low, high = blocked(outlines, np.asarray(a, dtype=float), direction)
+    return not np.any((high > 0.0) & (low < length))
+
+
+def blocked(outlines, point, direction):
+    """Where a line runs inside outlines: from (n,) to (n,) [m] along the unit ``direction`` from ``point``.
+
+    Empty intervals have from > to.
+    """
+    return _blocked(outlines.vertices, outlines.counts, np.asarray(point, dtype=np.float64),
+                    np.asarray(direction, dtype=np.float64))
+
+
+def free_runs(outlines, point, direction, reach):
+    """Free stretches [(from, to)] [m] of a line within ``reach`` of ``point``, in ascending order."""
+    low, high = blocked(outlines, point, direction)
+    kept = (high > low) & (high > -reach) & (low < reach)
+    runs, at = [], -reach
+    for start, end in sorted(zip(low[kept], high[kept])):
+        # neighbouring boxes share a face: a crack of a micrometre is no opening
+        if start > at + 1e-6:
+            runs.append((at, start))
+        at = max(at, end)
+    if at < reach:
+        runs.append((at, reach))
+    return runs
+
+
+def _cut(vertices, triangles, low, high):
+    """Triangles clipped to a height band and laid on the floor: convex polygons of 2-5 points."""
+    corners = np.asarray(vertices, dtype=float)[np.asarray(triangles, dtype=int)]
+    inside = (corners[:, :, 2].min(axis=1) < high) & (corners[:, :, 2].max(axis=1) > low)
+    pieces = []
+    for triangle in corners[inside]:
+        polygon = _clip(_clip(list(triangle), low, 1.0), high, -1.0)
+        if len(polygon) < 2:
+            continue
+        flat = np.array(polygon)[:, :2]
+        x, y = flat[:, 0], flat[:, 1]
+        area = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+        if abs(area) < 1e-9:  # upright: a segment
+            axis = np.argmax(np.ptp(flat, axis=0))
+            flat = flat[[np.argmin(flat[:, axis]), np.argmax(flat[:, axis])]]
+        pieces.append(flat if area >= 0.0 or len(flat) == 2 else flat[::-1])
+    return pieces
+
+
+def _clip(polygon, height, sign):
+    """The part of a polygon (list of (3,)) above (``sign`` 1) or below (-1) ``height``."""
+    kept = []
+    for a, b in zip(polygon, polygon[1:] + polygon[:1]):
+        above_a, above_b = sign * (a[2] - height), sign * (b[2] - height)
+        if above_a >= 0.0:
+            kept.append(a)
+        if above_a * above_b < 0.0:
+            kept.append(a + (b - a) * (above_a / (above_a - above_b)))
+    return kept
+
+
+@njit(cache=True)
+def _segment_distance(px, py, ax, ay, bx, by):
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    t = 0.0 if square == 0.0 else ((px - ax) * dx + (py - ay) * dy) / square
+    t = min(1.0, max(0.0, t))
+    return np.hypot(px - ax - t * dx, py - ay - t * dy)
+
+
+@njit(cache=True)
+def _separated(a, b):
+    """Whether an edge of convex ``a`` separates it from ``b``."""
+    n = len(a)
+    for i in range(n):
+        j = (i + 1) % n
+        nx, ny = a[j, 1] - a[i, 1], a[i, 0] - a[j, 0]
+        if nx == 0.0 and ny == 0.0:
+            continue
+        high = -1e300
+        for k in range(n):
+            high = max(high, nx * a[k, 0] + ny * a[k, 1])
+        low_a = 1e300
+        for k in range(n):
+            low_a = min(low_a, nx * a[k, 0] + ny * a[k, 1])
+        low, high_b = 1e300, -1e300
+        for k in range(len(b)):
+            p = nx * b[k, 0] + ny * b[k, 1]
+            low, high_b = min(low, p), max(high_b, p)
+        if low > high or high_b < low_a:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _distance(a, b):
+    if not _separated(a, b) and not _separated(b, a):
+        return 0.0
+    best = 1e300
+    for i in range(len(a)):
+        for j in range(len(b)):
+            k = (j + 1) % len(b)
+            best = min(best, _segment_distance(a[i, 0], a[i, 1], b[j, 0], b[j, 1], b[k, 0], b[k, 1]))
+    for i in range(len(b)):
+        for j in range(len(a)):
+            k = (j + 1) % len(a)
+            best = min(best, _segment_distance(b[i, 0], b[i, 1], a[j, 0], a[j, 1], a[k, 0], a[k, 1]))
+    return best
+
+
+@njit(cache=True)
+def _clearance(vertices, counts, centres, radii, polygon, cap):
+    x, y = 0.0, 0.0
+    for k in range(len(polygon)):
+        x += polygon[k, 0] / len(polygon)
+        y += polygon[k, 1] / len(polygon)
+    radius = 0.0
+    for k in range(len(polygon)):
+        radius = max(radius, np.hypot(polygon[k, 0] - x, polygon[k, 1] - y))
+    best = cap
+    for i in range(len(counts)):
+        if np.hypot(centres[i, 0] - x, centres[i, 1] - y) - radii[i] - radius >= best:
+            continue
+        best = min(best, _distance(polygon, vertices[i, : counts[i]]))
+        if best == 0.0:
+            break
+    return best
+
+
+@njit(cache=True)
+def _blocked(vertices, counts, point, direction):
+    n = len(counts)
+    low, high = np.full(n, 1e300), np.full(n, -1e300)
+    px, py, dx, dy = point[0], point[1], direction[0], direction[1]
+    for i in range(n):
+        for j in range(counts[i]):
+            k = (j + 1) % counts[i]
+            ax, ay = vertices[i, j, 0] - px, vertices[i, j, 1] - py
+            bx, by = vertices[i, k, 0] - px, vertices[i, k, 1] - py
+            side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
+            if (side_a > 0.0) == (side_b > 0.0):
+                continue
+            t = side_a / (side_a - side_b)
+            along = dx * (ax + t * (bx - ax)) + dy * (ay + t * (by - ay))
+            low[i], high[i] = min(low[i], along), max(high[i], along)
+    return low, high

@@ -1,0 +1,204 @@
+"""The simulator: one chair in one world, by plain calls; the same seed and commands give the same bits."""
+from collections import OrderedDict
+
+import numpy as np
+import pybullet
+
+from wheelchair_shared_control import footprint as footprints
+from wheelchair_shared_control.simulation import outlines, scenes
+from wheelchair_shared_control.simulation.sensors import DepthCamera, Rangers
+from wheelchair_shared_control.simulation.wheelchair import Wheelchair
+from wheelchair_shared_control.values import Depth, Odometry, Ranges
+
+WORLD_GROUP, FLOOR_GROUP = 1, 2
+CHAIR_MASK, ROLLING_MASK = 8, 4
+ALL_AT_ONCE = 200           # boxes: worlds up to this size stand in physics as a whole
+NEAR, REFRESH = 4.0, 2.0    # m: of larger ones, what is this near, looked at again after this way
+STEPS_MARGIN = 0.10         # m of clearance above which a single advance cannot touch unnoticed
+
+
+class Simulator:
+    """A chair in a ``World``.
+
+    ``settings``: ``parameters.load("simulator")``; ``start`` (3,) pose of base_link in the world; ``camera``
+    (width, height) of the depth image, default as in the settings; ``person``: a ``Person`` who walks through.
+    Time starts at 0; odometry starts at (0, 0, 0). Call ``close`` when done.
+    """
+
+    def __init__(self, world, settings, seed, start, camera=None, person=None):
+        self.world, self.settings, self.person = world, settings, person
+        self._size = tuple(camera) if camera is not None else (settings.camera_width, settings.camera_height)
+        self._shapes = outlines.from_world(world)
+        self._caster = None
+        if world.meshes:
+            from wheelchair_shared_control.simulation.meshes import Caster
+            self._caster = Caster(world.meshes)
+        self._client = None
+        self.reset(seed, start)
+
+    def reset(self, seed=None, start=None, person=None):
+        """Begin anew: time 0, everything at rest, noise drawn again from ``seed`` (default: as before)."""
+        self.close()
+        self.seed = self.seed if seed is None else int(seed)
+        self._start = np.array(self._start if start is None else start, dtype=float)
+        self.person = self.person if person is None else person
+        noise = [np.random.default_rng([self.seed, scenes.NOISE_STREAM, k]) for k in range(3)]
+        self._client = pybullet.connect(pybullet.DIRECT)
+        p = self._client
+        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=p)
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=self.settings.physics_step, numSubSteps=0,
+                                           numSolverIterations=30, deterministicOverlappingPairs=1,
+                                           physicsClientId=p)
+        floor = pybullet.createMultiBody(
+            0.0, pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=p), physicsClientId=p)
+        pybullet.changeDynamics(floor, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=p)
+        pybullet.setCollisionFilterGroupMask(floor, -1, FLOOR_GROUP, ROLLING_MASK, physicsClientId=p)
+        self._bodies, self._names, self._populated_at = OrderedDict(), {}, None
+        self.chair = Wheelchair(p, self.settings, noise[0])
+        self._add_meshes()
+        self._depth_camera = DepthCamera(self.settings, noise[1], self._size, self._caster)
+        self._rangers = Rangers(self.settings, noise[2], self._caster)
+        self._person_body = None if self.person is None else self._add_box(self.person.box(0.0), mask=0)
+        self._steps, self._asked, self._contacts = 0, 0.0, {}
+        self.chair.restart(self._start)
+        self._populate()
+
+    def close(self):
+        """End the physics client; calling it twice does no harm."""
+        if self._client is not None:
+            pybullet.disconnect(physicsClientId=self._client)
+            self._client = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    @property
+    def time(self):
+        """Simulated time [s] since the start."""
+        return self._steps * self.settings.physics_step
+
+    @property
+    def camera(self):
+        """Intrinsics of the depth image."""
+        return self._depth_camera.camera
+
+    def command(self, v, w):
+        """A command [m/s, rad/s], valid for ``command_timeout``; what is not finite counts as zero."""
+        self.chair.command(self.time, v, w)
+
+    def advance(self, dt):
+        """Carry physics on by ``dt`` [s], in whole physics steps; what is left over is kept for the next call."""
+        self._asked += dt
+        self._contacts = {}
+        if self._populated_at is not None:
+            if np.hypot(*(self.chair.pose[:2] - self._populated_at)) > REFRESH:
+                self._populate()
+        step = self.settings.physics_step
+        while (self._steps + 1) * step <= self._asked + 1e-9:
+            self.chair.before_step(self.time)
+            if self._person_body is not None:
+                self._move_person()
+            pybullet.stepSimulation(physicsClientId=self._client)
+            self._steps += 1
+            self.chair.after_step()
+            self._note_contacts()
+
+    def truth(self):
+        """True pose in the world and velocity in the body frame."""
+        return Odometry(self.time, self.chair.pose.copy(), self.chair.twist())
+
+    def odometry(self):
+        """Pose in odom and velocity, as the wheels' encoders have them."""
+        return self.chair.odometry(self.time)
+
+    def depth(self):
+        """A depth frame of now."""
+        return Depth(self.time, self._depth_camera.frame(self._boxes(), self.chair.pose))
+
+    def ranges(self):
+        """Readings of the six rangers of now."""
+        return Ranges(self.time, self._rangers.readings(self._boxes(), self.chair.pose))
+
+    def contacts(self):
+        """What the chair met during the last ``advance``: list of (name, depth [m]), deepest first."""
+        return sorted(self._contacts.items(), key=lambda item: (-item[1], item[0]))
+
+    def clearance(self):
+        """True distance [m] from the footprint polygon to the world in the heights 0.05-1.30 m; 0 on contact."""
+        polygon = footprints.corners(self.chair.footprint, self.chair.pose)
+        distance = outlines.clearance(self._shapes, polygon)
+        if self.person is not None:
+            person = outlines.from_boxes(np.array([self.person.box(self.time)]))[0, :4]
+            distance = min(distance, outlines.polygon_distance(polygon, person))
+        return float(distance)
+
+    def set_pose(self, pose):
+        """Set the chair down at rest at ``pose`` (3,) in the world; its odometry does not notice."""
+        self.chair.place(np.asarray(pose, dtype=float))
+        self._contacts = {}
+        if self._populated_at is not None:
+            self._populate()
+
+    def _boxes(self):
+        if self.person is None:
+            return self.world.boxes
+        return np.vstack((self.world.boxes, self.person.box(self.time)))
+
+    def _move_person(self):
+        x, y, z, yaw = self.person.box(self.time + self.settings.physics_step)[:4]
+        pybullet.resetBasePositionAndOrientation(
+            self._person_body, [x, y, z], [0.0, 0.0, np.sin(yaw / 2.0), np.cos(yaw / 2.0)],
+            physicsClientId=self._client)
+
+    def _note_contacts(self):
+        for point in pybullet.getContactPoints(self.chair.identity, linkIndexA=-1, physicsClientId=self._client):
+            if point[8] <= 0.0:
+                self._note(self._names[point[2]], -point[8])
+        if self._person_body is not None:
+            for point in pybullet.getClosestPoints(self.chair.identity, self._person_body, 0.0, -1, -1,
+                                                   physicsClientId=self._client):
+                self._note("person", -point[8])
+
+    def _note(self, name, depth):
+        self._contacts[name] = max(depth, self._contacts.get(name, 0.0))
+
+    def _populate(self):
+        """Bring the boxes near the chair into physics, and take far ones out: few bodies keep a step short."""
+        boxes, names = self.world.boxes, self.world.names
+        wanted = (boxes[:, 2] - boxes[:, 6] < outlines.HIGH) & (boxes[:, 2] + boxes[:, 6] > outlines.LOW)
+        if len(boxes) > ALL_AT_ONCE:
+            away = np.hypot(boxes[:, 0] - self.chair.pose[0], boxes[:, 1] - self.chair.pose[1])
+            wanted &= away - np.hypot(boxes[:, 4], boxes[:, 5]) < NEAR + REFRESH
+            self._populated_at = self.chair.pose[:2].copy()
+        for index in [index for index in self._bodies if not wanted[index]]:
+            body = self._bodies.pop(index)
+            del self._names[body]
+            pybullet.removeBody(body, physicsClientId=self._client)
+        for index in np.nonzero(wanted)[0]:
+            if int(index) not in self._bodies:
+                body = self._add_box(boxes[index], mask=CHAIR_MASK)
+                self._bodies[int(index)] = body
+                self._names[body] = names[index]
+
+    def _add_box(self, row, mask):
+        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=list(row[4:7]),
+                                              physicsClientId=self._client)
+        body = pybullet.createMultiBody(
+            0.0, shape, basePosition=list(row[:3]),
+            baseOrientation=[0.0, 0.0, np.sin(row[3] / 2.0), np.cos(row[3] / 2.0)], physicsClientId=self._client)
+        pybullet.setCollisionFilterGroupMask(body, -1, WORLD_GROUP, mask, physicsClientId=self._client)
+        pybullet.changeDynamics(body, -1, lateralFriction=0.5, restitution=0.0, physicsClientId=self._client)
+        return body
+
+    def _add_meshes(self):
+        for index, (vertices, triangles) in enumerate(self.world.meshes):
+            shape = pybullet.createCollisionShape(
+                pybullet.GEOM_MESH, vertices=np.asarray(vertices, dtype=float).tolist(),
+                indices=np.asarray(triangles, dtype=int).ravel().tolist(),
+                flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH, physicsClientId=self._client)
+            body = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
+            pybullet.setCollisionFilterGroupMask(body, -1, WORLD_GROUP, CHAIR_MASK, physicsClientId=self._client)
+            self._names[body] = self.world.names[len(self.world.boxes) + index]
