@@ -12,6 +12,8 @@ import numpy as np
 
 from wheelchair_shared_control import footprint as footprints
 from wheelchair_shared_control.costmap_cells import (
+    PRESUMED,
+    SEEN,
     apply_counts,
     cells_inside,
     costs,
@@ -305,10 +307,12 @@ class Costmap:
         shape = footprints.grown(self.footprint, margin)
         origin = np.array(self.origin)
         cells_inside(self._own, self.pose, shape.front, shape.rear, shape.half_width, origin, self.resolution)
-        drive_over(self._odds, self._mask, self._known, self._seen, self._own, self.settings.log_odds_min)
+        drive_over(self._odds, self._mask, self._known, self._seen, self._own, self.settings.log_odds_min,
+                   PRESUMED if margin else SEEN)
         if margin:
             cells_inside(self._own, self.pose, self.footprint.front, self.footprint.rear,
                          self.footprint.half_width, origin, self.resolution)
+            self._known[self._own] = SEEN
 
     def _source(self, name):
         try:
@@ -359,7 +363,7 @@ class Costmap:
             self._hits, self._bands, self._floor, self._drops, self._holes, self._own,
             image, intrinsics, camera_from_odom, position, np.array(self.origin), self.resolution,
             per_radian, source_settings.min_obstacle_height, source_settings.raytrace_range,
-            s.hit, s.miss, s.log_odds_min, s.log_odds_max,
+            s.hit, s.miss, s.log_odds_min, s.log_odds_max, s.static_time,
             source_settings.marking, source_settings.clearing, float(stamp), dt)
 
     def _trace(self, rays, height, source_settings, source, stamp):
@@ -373,7 +377,7 @@ class Costmap:
         self._touched.fill(0)
         trace(self._odds, self._mask, self._known, self._seen, self._last, self._touched, self._own, rays,
               np.array(self.origin), self.resolution, band, s.hit, s.miss, s.log_odds_min,
-              s.log_odds_max, float(stamp), dt)
+              s.log_odds_max, s.static_time, float(stamp), dt)
 
 
 def _pitched(angle):

@@ -1,8 +1,8 @@
 """How the looks of one observation change the memory of a cell.
 
 Memory of a cell: ``odds`` (log-odds of being occupied), ``mask`` (heights at which something was seen, see
-`costmap_depth`), ``known`` (1: seen or driven over), ``seen`` [s] (for how long something was seen there),
-``last`` [s] (when last). The newest look wins: the log-odds are held in a narrow band, two looks through an
+`costmap_depth`), ``known`` (0 no, SEEN or driven over, PRESUMED at the start), ``seen`` [s] (for how long
+something was seen there), ``last`` [s] (when last). The newest look wins: the log-odds are held in a narrow band, two looks through an
 obstacle erase it, and one clear hit makes ground lethal that was free. Odometry drifts; a jamb that is now
 seen 3 cm beside where it was remembered must not stay twice, or a 0.75 m door is closed.
 """
@@ -11,7 +11,7 @@ import numpy as np
 
 from wheelchair_shared_control.costmap_depth import BAND_HEIGHT, BANDS, BLOCKED, DROP, THROUGH, look
 
-_HEIGHTS = np.uint16(DROP - 1)
+SEEN, PRESUMED = 1, 2
 
 
 @numba.njit(cache=True, nogil=True)
@@ -54,10 +54,25 @@ def forget_cell(odds, mask, known, seen, row, column):
     seen[row, column] = 0.0
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def remember(known, seen, last, row, column, stamp, dt, static_time):
+    """Note that something was seen in a cell.
+
+    What appears where nothing was known stands there; what appears on ground seen free has moved there, or
+    the odometry has, and must be seen for ``static_time`` to be taken for standing.
+    """
+    if known[row, column] != SEEN:
+        seen[row, column] = static_time
+    known[row, column] = SEEN
+    seen[row, column] += dt
+    last[row, column] = stamp
+
+
 @numba.njit(cache=True, nogil=True)
 def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes, own,
-                 depth, intrinsics, camera_from_odom, camera_position, origin, resolution,
-                 per_radian, min_height, raytrace_range, hit, miss, odds_min, odds_max, marking, clearing, stamp, dt):
+                 depth, intrinsics, camera_from_odom, camera_position, origin, resolution, per_radian, min_height,
+                 raytrace_range, hit, miss, odds_min, odds_max, static_time,
+                 marking, clearing, stamp, dt):
     """Bring the counters of one depth image into the memory; ``own`` marks the cells under the chair.
 
     ``per_radian``: returns per radian, 0 for one each pixel.
@@ -108,16 +123,14 @@ def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes
                 odds[row, column] = min(odds[row, column] + gained, odds_max)
                 if n_hits > 0:
                     mask[row, column] |= bands[row, column]
-                known[row, column] = 1
-                seen[row, column] += dt
-                last[row, column] = stamp
+                remember(known, seen, last, row, column, stamp, dt, static_time)
                 continue
             if n_hits > 0 or not clearing:
                 continue
             if m == 0:
                 if n_floor > 0:
                     odds[row, column] = max(odds[row, column] - miss, odds_min)
-                    known[row, column] = 1
+                    known[row, column] = SEEN
                 continue
             # something is remembered here, and nothing was hit: look at its heights
             through = np.uint16(0)
@@ -191,14 +204,14 @@ def forget_brief(odds, mask, known, seen, last, now, memory_time, static_time):
 
 
 @numba.njit(cache=True, nogil=True)
-def drive_over(odds, mask, known, seen, own, odds_min):
-    """The ground under the chair is free and known, whatever was remembered there."""
+def drive_over(odds, mask, known, seen, own, odds_min, how):
+    """The ground under the chair is free and known, whatever was remembered there; ``how`` SEEN, PRESUMED."""
     for row in range(own.shape[0]):
         for column in range(own.shape[1]):
             if own[row, column]:
                 odds[row, column] = odds_min
                 mask[row, column] = 0
-                known[row, column] = 1
+                known[row, column] = how
                 seen[row, column] = 0.0
 
 

@@ -2,10 +2,12 @@
 import numba
 import numpy as np
 
+from wheelchair_shared_control.costmap_cells import SEEN, remember
+
 
 @numba.njit(cache=True, nogil=True)
 def trace(odds, mask, known, seen, last, touched, own, rays, origin, resolution, band,
-          hit, miss, odds_min, odds_max, stamp, dt):
+          hit, miss, odds_min, odds_max, static_time, stamp, dt):
     """Mark the ends of ``rays``, then clear along them.
 
     ``rays`` (n, 6): x, y of the origin in odom, direction [rad], length up to which the ray clears [m],
@@ -24,9 +26,7 @@ def trace(odds, mask, known, seen, last, touched, own, rays, origin, resolution,
         touched[row, column] = 1
         odds[row, column] = min(odds[row, column] + hit * rays[i, 5], odds_max)
         mask[row, column] |= bit
-        known[row, column] = 1
-        seen[row, column] += dt
-        last[row, column] = stamp
+        remember(known, seen, last, row, column, stamp, dt, static_time)
     step = 0.5 * resolution
     for i in range(rays.shape[0]):
         cos, sin = np.cos(rays[i, 2]), np.sin(rays[i, 2])
@@ -41,7 +41,7 @@ def trace(odds, mask, known, seen, last, touched, own, rays, origin, resolution,
             m = mask[row, column]
             if m == 0:
                 odds[row, column] = max(odds[row, column] - miss, odds_min)
-                known[row, column] = 1
+                known[row, column] = SEEN
                 continue
             if band < 0 or not m & bit:
                 continue
