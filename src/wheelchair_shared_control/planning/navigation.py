@@ -11,7 +11,7 @@ import numpy as np
 
 from wheelchair_shared_control import se2
 from wheelchair_shared_control.planning import clearance, following
-from wheelchair_shared_control.planning.planner import Path, Planner
+from wheelchair_shared_control.planning.planner import Planner, resampled, rolled
 from wheelchair_shared_control.values import STOP, Twist
 
 IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
@@ -71,6 +71,7 @@ class Navigator:
         self._since_legal = self._since_path = None
         self._recovered = False
         self._anchor = None
+        self._no_path = ""
 
     # --- goals -------------------------------------------------------------------------------------------
     def set_goal(self, goal_odom, now):
@@ -118,10 +119,10 @@ class Navigator:
             return self._abort("no progress of %.2f m within %.0f s" % (
                 self.settings.oscillation_distance, self.settings.oscillation_timeout))
         acting, anchor = self._predict(now, odometry, user_v)
-        reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING)
-        if self._path is None:
+        path, reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING)
+        if path is None:
             return self._without_path(now, reason)
-        path, command = self._follow(field, anchor)
+        command = self._follow(field, path)
         legal = self._legal(field, acting, command, path)
         kept = Candidates(*legal[1:]) if candidates else None
         plans = dict(global_plan=path.poses, local_plan=legal[1][0], candidates=kept)
@@ -225,64 +226,49 @@ class Navigator:
         return acting, anchor[:3].copy()
 
     def _keep_path(self, now, field, anchor, allow_reverse):
-        """Keep, refine or replace the path; the reason where there is none."""
-        path = self._path
-        blocked = True
-        if path is not None:
-            path = self._remaining(field, anchor)
-            blocked = self.planner.blocked(path, 0.0) >= 0
-            if not allow_reverse and np.any(path.kinds < 0):
-                blocked = True
-            deviation = np.hypot(*(path.poses[0, :2] - self._on_path[:2]))
-            turned = abs(se2.wrap_angle(path.poses[0, 2] - self._on_path[2]))
-            if deviation > 0.25 or turned > 0.6:
-                blocked = True
-        period = 1.0 / self.settings.planner_frequency
-        due = now - self._searched_at >= (period if not blocked or path is None else 0.2)
-        if path is None:
-            due = now - self._searched_at >= 0.2
-        if due:
+        """(the way from ``anchor`` on, "") along the path that is kept or newly found, or (None, reason).
+
+        The path found by the search stays the reference: each cycle bends what remains of it for the present
+        costmap and pose, but never the bent one further, which would wander.
+        """
+        way, blocked = None, True
+        if self._path is not None:
+            way, deviation, turned = self._remaining(field, anchor)
+            blocked = (self.planner.blocked(way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
+                       or (not allow_reverse and bool(np.any(way.kinds < 0))))
+        period = 0.25 if blocked else 1.0 / self.settings.planner_frequency
+        if now - self._searched_at >= period:
             self._searched_at = now
-            new, cost, reason = self.planner.plan(field, anchor, self.goal, allow_reverse)
-            if new is None:
-                if blocked:
-                    self._path = None
-                    self._reason = reason
-            else:
-                old = np.inf if blocked else self.planner.price(field, anchor, path.steps, path.kinds)
-                new_cost = self.planner.price(field, anchor, new.steps, new.kinds)
-                if new_cost < 0.8 * old - 0.5:
-                    path = new
-                    blocked = False
-        if path is None or (blocked and self._path is None):
-            self._path = None
-            return getattr(self, "_reason", "") or "no path"
-        self._path, self._step = path, 0
+            new, _, self._no_path = self.planner.plan(field, anchor, self.goal, allow_reverse)
+            if new is not None:
+                old_price = np.inf if blocked else self.planner.price(field, anchor, way.steps, way.kinds)
+                if self.planner.price(field, anchor, new.steps, new.kinds) < 0.8 * old_price - 0.5:
+                    self._path, self._step = new, 0
+                    way, blocked = new, False
+            elif blocked:
+                self._path = None
+        if self._path is None:
+            return None, self._no_path or "no path"
         self._since_path = None
-        return ""
+        return way, ""
 
     def _remaining(self, field, anchor):
-        """The path from ``anchor`` on, refined in the present costmap."""
+        """What is left of the path, bent to start at ``anchor``; and the distance [m, rad] from the path."""
         path = self._path
         step, part = following.project(anchor, path.poses, path.kinds, self._step)
+        self._step = step
+        on_path = path.poses[step] + part * (path.poses[step + 1] - path.poses[step])
         steps = path.steps[step:].copy()
-        kinds = path.kinds[step:]
-        self._on_path = path.poses[step] + part * (path.poses[step + 1] - path.poses[step])
         steps[0] *= 1.0 - part
-        targets = path.poses[step:].copy()
-        targets[0] = anchor
-        # A rest of a step too short to steer with joins the next of its kind.
-        if len(steps) > 1 and kinds[0] == kinds[1] and abs(steps[0, 0]) < 0.02 and abs(steps[0, 1]) < 0.03:
-            steps[1] += steps[0]
-            steps, kinds, targets = steps[1:], kinds[1:], targets[1:]
-        goal = self.planner._inside(field, self.goal)
-        targets[-1] = goal
-        return self.planner.refine(field, anchor, steps, kinds, targets, 4)
+        steps, kinds = resampled(steps, path.kinds[step:])
+        targets = rolled(on_path, steps)
+        targets[-1] = self.planner._inside(field, self.goal)
+        way = self.planner.refine(field, anchor, steps, kinds, targets, 6)
+        return way, np.hypot(*(anchor[:2] - on_path[:2])), abs(se2.wrap_angle(anchor[2] - on_path[2]))
 
     # --- command -----------------------------------------------------------------------------------------
-    def _follow(self, field, anchor):
-        """The path and the command that drives its first steps."""
-        path = self._path
+    def _follow(self, field, path):
+        """The command that drives the first steps of ``path``."""
         p = self.settings.planner
         seen = self.planner.seen(field, path.poses[1:])
         clear = np.minimum(path.clear[:-1], path.clear[1:])
@@ -305,7 +291,7 @@ class Navigator:
             v = kind * max(abs(run[0, 0] * rate[0]), 0.06)
             v = np.sign(v) * min(abs(v), self.w_max / max(abs(bend), 1e-3))
             w = bend * abs(v)
-        return path, self._limited(v, w)
+        return self._limited(v, w)
 
     def _limited(self, v, w):
         """The command within the acceleration limits from the last one."""
@@ -328,7 +314,7 @@ class Navigator:
             field.distance, field.frame, *self.planner.body, acting, commands, path.poses[-1], n, hold,
             plant.lag, plant.acceleration, plant.turn_acceleration, following.DT)
         here = float(self.planner.clearance(field, acting[None, :3])[0])
-        floor = min(self.settings.planner.min_clearance * 0.5, here - 0.004)
+        floor = min(self.settings.planner.min_clearance, here - 0.0005)
         for k in range(len(commands)):
             if least[k] >= floor:
                 if abs(commands[k, 0]) < 0.005 and abs(commands[k, 1]) < 0.01:

@@ -15,7 +15,8 @@ from wheelchair_shared_control.planning.following import kinds_of, seen_ahead
 SLIMMER = 0.04
 # comfortable [m], near [m], then weights: spine, outline, near, pose xy, pose yaw, end xy, end yaw,
 # change of ds, change of dtheta, bending.
-REFINEMENT = np.array([0.30, 0.05, 40.0, 30.0, 60.0, 0.3, 0.05, 40.0, 20.0, 60.0, 1.0, 0.15])
+REFINEMENT = np.array([0.30, 0.05, 40.0, 30.0, 60.0, 0.3, 0.05, 40.0, 20.0, 300.0, 1.0, 0.15])
+STEP, STEP_TURN = 0.08, 0.12  # m, rad: length of a step of a path
 
 
 class Path(NamedTuple):
@@ -98,7 +99,7 @@ class Planner:
         return None, np.inf, reason
 
     def _centred(self, field, start, goal, steps):
-        kinds = kinds_of(steps)
+        steps, kinds = resampled(steps, kinds_of(steps))
         poses = rolled(start, steps)
         targets = poses.copy()
         targets[-1] = goal
@@ -129,3 +130,24 @@ def rolled(start, steps):
     poses = np.empty((len(steps) + 1, 3))
     refinement._roll(np.asarray(start, dtype=float), np.ascontiguousarray(steps, dtype=float), poses)
     return poses
+
+
+def resampled(steps, kinds):
+    """Steps and kinds of the same way in steps of even length: refinement must not stretch a step across a gap."""
+    new_steps, new_kinds = [], []
+    first = 0
+    while first < len(kinds):
+        last = first
+        while last < len(kinds) and kinds[last] == kinds[first]:
+            last += 1
+        run, kind = steps[first:last], kinds[first]
+        size = np.abs(run[:, 0]) if kind else np.abs(run[:, 1])
+        total = float(np.sum(size))
+        n = max(1, int(np.ceil(total / (STEP if kind else STEP_TURN))))
+        along = np.concatenate(([0.0], np.cumsum(size)))
+        at = np.linspace(0.0, total, n + 1)
+        columns = [np.diff(np.interp(at, along, np.concatenate(([0.0], np.cumsum(run[:, k]))))) for k in (0, 1)]
+        new_steps.append(np.stack(columns, axis=1))
+        new_kinds.append(np.full(n, kind))
+        first = last
+    return np.ascontiguousarray(np.concatenate(new_steps)), np.concatenate(new_kinds)
