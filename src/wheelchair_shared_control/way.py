@@ -10,7 +10,7 @@ from wheelchair_shared_control.assistance import ASSISTING
 from wheelchair_shared_control.ground import from_world, room
 from wheelchair_shared_control.person import along_leg, turn_on_the_spot
 from wheelchair_shared_control.values import STOP, Twist
-from wheelchair_shared_control.way_plan import Leg, plan
+from wheelchair_shared_control.way_plan import MARGIN, Leg, plan, settles
 
 
 class Way:
@@ -41,8 +41,8 @@ class Way:
     def steer(self, now, pose, twist, assistance_state=0):
         """Stick ``Twist`` at a believed pose (3,) and velocity."""
         if not self._planned or self._led_off(pose):
-            self._legs, self._planned, self._turning = self._plan(pose), True, False
-            self._backing = False
+            self._legs, self._planned = self._plan(pose), True
+            self._begin_leg(pose)
         self._advance(pose)
         if not self._legs:
             return STOP
@@ -83,17 +83,30 @@ class Way:
             if left > self._rounding():
                 return
             self._legs = self._legs[1:]
-            self._turning, self._backing = False, False
             if not self._legs and leg.reverse:  # backed off: look again
                 self._legs = self._plan(pose)
+                self._begin_leg(pose)
                 return
+            self._begin_leg(pose)
+
+    def _begin_leg(self, pose):
+        """A leg that must be met square, with no way left to become so, begins with a turn on the spot."""
+        self._backing = False
+        self._turning = bool(self._legs) and self._stops_before(self._legs[0], pose[0], pose[2])
+
+    def _stops_before(self, leg, x, yaw):
+        turn = float(se2.wrap_angle(leg.heading - yaw))
+        square = self.settings.drive.square
+        through_gap = x < -square + 0.1 and leg.end[0] > 0.0
+        return abs(turn) > self.settings.drive.turn_start or (through_gap and not settles(-square - x, turn))
 
     def _rounding(self):
         if len(self._legs) < 2 or self._legs[0].reverse or self._legs[1].reverse:
             return 0.02
-        corner = abs(float(se2.wrap_angle(self._legs[1].heading - self._legs[0].heading)))
-        if corner > self.settings.drive.turn_start:
+        heading = self._legs[0].heading
+        if self._stops_before(self._legs[1], self._legs[0].end[0], heading):
             return 0.02
+        corner = abs(float(se2.wrap_angle(self._legs[1].heading - heading)))
         return 0.02 + self.settings.drive.cruise / self.settings.drive.turn * np.tan(corner / 2.0)
 
     # ---- speed -------------------------------------------------------------------------------------
@@ -130,8 +143,9 @@ class Way:
         return bool(np.abs(front[:, 1]).max() > self.half_gap - 0.01)
 
     def _back_off(self, pose):
-        """One leg straight back, then a new plan."""
-        length = self.settings.drive.back_off
+        """One leg straight back, far enough to meet the axis anew, then a new plan."""
+        again = pose[0] + self.settings.drive.square + MARGIN
+        length = max(self.settings.drive.back_off, again if pose[0] < 0.0 else 0.0)
         back = pose[:2] - length * np.array([np.cos(pose[2]), np.sin(pose[2])])
         self._legs, self._turning, self._backing = [Leg(pose[:2].copy(), back, reverse=True)], False, True
         self._moved = None

@@ -47,12 +47,12 @@ def plan(pose, settings, chair, ground=None):
     on_axis = [Leg(np.array([min(pose[0], -drive.square), 0.0]), axis_end)] + exit_legs[1:]
     if pose[0] > -drive.square + 0.05:  # too late for anything but the axis
         return on_axis
-    best, cheapest = None, np.inf
-    for legs in _direct(pose, drive, axis_end):
-        free = np.inf if ground is None else least_room(pose, legs, chair, ground, until=-drive.square)
-        cost = _cost(pose, legs)
-        if free >= settings.plan.clearance and cost < cheapest:
-            best, cheapest = legs, cost
+    ways = sorted(_direct(pose, drive, axis_end), key=lambda legs: _cost(pose, legs))
+    best = None
+    for legs in ways:
+        if ground is None or least_room(pose, legs, chair, ground, -drive.square) >= settings.plan.clearance:
+            best = legs
+            break
     if best is None and ground is not None:
         best = _searched(pose, settings, chair, ground, axis_end)
     return on_axis if best is None else best + exit_legs[1:]
@@ -80,21 +80,30 @@ def _cost(pose, legs):
     cost, yaw = 0.0, pose[2]
     for leg in legs:
         cost += leg.length * (3.0 if leg.reverse else 1.0)
-        cost += 0.5 * abs(float(se2.wrap_angle(leg.heading - yaw)))
+        turn = abs(float(se2.wrap_angle(leg.heading - yaw)))
+        cost += 0.5 * turn + (0.3 if turn > 0.3 or leg.reverse else 0.0)  # a stop
         yaw = leg.heading
     return cost
 
 
+def settles(remaining, turn, beside=0.0):
+    """Whether ``remaining`` metres of axis are enough to become square on it while driving, without a stop."""
+    return remaining >= 0.35 + 1.2 * abs(turn) + 5.0 * abs(beside)
+
+
 def _direct(pose, drive, axis_end):
-    """Ways of one or two legs: along the axis, or straight to a point of it."""
-    x, y = pose[0], pose[1]
-    if abs(y) < 0.06 * (-x - drive.square + 0.3):
+    """Ways of one to three legs: along the axis, straight to a point of it, or straight back first."""
+    x, y, yaw = pose
+    if settles(-drive.square - x, yaw, y) or (abs(y) < 0.015 and x < -drive.square):
         yield [Leg(np.array([x, 0.0]), axis_end)]
-    for corner_x in np.arange(-drive.square - MARGIN, min(-drive.square - MARGIN, x + 1.0) - 1.5, -0.1):
-        corner = np.array([corner_x, 0.0])
-        first = Leg(pose[:2].copy(), corner)
-        if first.length > 0.1:
-            yield [first, Leg(corner, axis_end)]
+    back = -np.array([np.cos(yaw), np.sin(yaw)])
+    for length in (0.0, 0.3, 0.6, 0.9):
+        at = pose[:2] + length * back
+        before = [Leg(pose[:2].copy(), at, reverse=True)] if length else []
+        for corner_x in np.arange(-drive.square - MARGIN, min(-drive.square - MARGIN, at[0] + 1.0) - 1.5, -0.1):
+            corner = np.array([corner_x, 0.0])
+            if np.hypot(*(corner - at)) > 0.15:
+                yield before + [Leg(at, corner), Leg(corner, axis_end)]
 
 
 def _exit(settings, chair, ground):
