@@ -2,10 +2,10 @@
 from collections import OrderedDict
 
 import numpy as np
-import pybullet
 
 from wheelchair_shared_control import footprint as footprints
 from wheelchair_shared_control.simulation import outlines, scenes
+from wheelchair_shared_control.simulation.engine import pybullet
 from wheelchair_shared_control.simulation.sensors import DepthCamera, Rangers
 from wheelchair_shared_control.simulation.wheelchair import Wheelchair
 from wheelchair_shared_control.values import Depth, Odometry, Ranges

@@ -10,10 +10,10 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-import pybullet
 
 from wheelchair_shared_control import footprint as footprints
 from wheelchair_shared_control import parameters, se2
+from wheelchair_shared_control.simulation.engine import pybullet
 from wheelchair_shared_control.simulation.outlines import HIGH, LOW
 from wheelchair_shared_control.simulation.world import SceneError
 from wheelchair_shared_control.values import Odometry, Twist
