@@ -118,6 +118,8 @@ def _examine(rays, line, gap, settings, stamp):
     width = gap.right - gap.left
     if width < door.min_width - scan.slack or width > door.max_width + scan.slack:
         return None, FoundGap(at(gap.left, gap.right), "%.2f m wide" % width)
+    if gap.free_standing:
+        return None, FoundGap(at(gap.left, gap.right), "between free-standing things")
     left, right = gap.left, gap.right
     beside = settings.jamb.wall_window
     for _ in range(2):

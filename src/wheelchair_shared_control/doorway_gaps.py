@@ -20,11 +20,15 @@ class Scan(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """A stretch between two solid columns; NaN where there is none within reach (``left`` < ``right``)."""
+    """A stretch between two solid columns; NaN where there is none within reach (``left`` < ``right``).
+
+    ``free_standing``: what stands on both sides is short and has a free end: furniture, not a wall.
+    """
 
     left: float
     right: float
     open_share: float
+    free_standing: bool = False
 
 
 def scan(rays, line, settings):
@@ -73,8 +77,33 @@ def gaps(found, settings):
             right = np.nan
         low = left if np.isfinite(left) else found.s[columns[0]]
         high = right if np.isfinite(right) else found.s[columns[-1]]
-        result.append(Gap(float(left), float(right), float(len(columns) * step / max(high - low, step))))
+        free = np.isfinite(left + right) and all(
+            _ends_freely(found, edge, side, settings) for edge, side in ((left, -1), (right, 1)))
+        result.append(Gap(float(left), float(right), float(len(columns) * step / max(high - low, step)), free))
     return result
+
+
+def _ends_freely(found, edge, side, settings):
+    """Does the wall beside a gap end within ``gap/stub`` [m], with nothing but open columns after its end?
+
+    Pieces between gaps of door width count as one wall: the pier between two doors is no end.
+    """
+    gap = settings.gap
+    at = int(round((edge - found.s[0]) / gap.step)) + (0 if side > 0 else -1)
+    solid, free = found.solid[at::side], found.open[at::side]
+    allowed = int(settings.door.max_width / gap.step) + 5
+    last = 0
+    for column in range(len(solid)):
+        if solid[column]:
+            last = column
+            if last * gap.step > gap.stub:
+                return False
+        elif not free[column] and not found.seen[at::side][column]:
+            # out of view, or hidden: a wall that is not seen to end
+            return free[last + 1:column].sum() * gap.step > 0.3 and column - last > allowed
+        elif column - last > allowed:
+            return bool(free[last + 1:column].mean() > 0.7)
+    return False
 
 
 def _dense(mask, length):

@@ -115,11 +115,14 @@ def transformed(rays, transform):
 
 
 @njit(cache=True)
-def _label(offset, noise, reach, tolerance, sigmas, deep):
-    """Label of a ray that ends ``offset`` behind the plane; ``reach`` is the sensor's distance to the plane."""
+def _label(offset, z, noise, reach, tolerance, sigmas, deep, floor):
+    """Label of a ray that ends ``offset`` behind the plane; ``reach`` is the sensor's distance to the plane.
+
+    A ray that ends on the floor behind the plane has passed it, however near behind.
+    """
     spread = sigmas * noise * abs(offset + reach)
     limit = tolerance + spread
-    if offset > deep + spread:
+    if offset > deep + spread or (z < floor and offset > limit):
         return 2
     if offset > limit:
         return 1
@@ -130,7 +133,7 @@ def _label(offset, noise, reach, tolerance, sigmas, deep):
 
 @njit(cache=True)
 def _crossings(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas, deep,
-               s_low, s_step, s_bins, z_low, z_step, z_bins):
+               s_low, s_step, s_bins, z_low, z_step, z_bins, floor):
     counts = np.zeros((4, s_bins, z_bins), np.int32)
     cs = (origin[0] - line_origin[0]) * along[0] + (origin[1] - line_origin[1]) * along[1]
     reach = -((origin[0] - line_origin[0]) * normal[0] + (origin[1] - line_origin[1]) * normal[1]
@@ -151,7 +154,7 @@ def _crossings(points, noise, returned, origin, line_origin, along, normal, lean
         column = int((sc - s_low) / s_step)
         if sc < s_low or column >= s_bins:
             continue
-        label = 2 if i >= returned else _label(offset, noise[i], reach, tolerance, sigmas, deep)
+        label = 2 if i >= returned else _label(offset, z, noise[i], reach, tolerance, sigmas, deep, floor)
         counts[label, column, row] += 1
     return counts
 
@@ -165,7 +168,7 @@ def count_crossings(rays, line, settings, s_low, s_step, s_bins, z_low, z_step, 
     return _crossings(
         rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
         line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_low, s_step, s_bins, z_low, z_step,
-        z_bins)
+        z_bins, settings.ground.floor_height)
 
 
 class Crossings(NamedTuple):
@@ -187,7 +190,7 @@ class Crossings(NamedTuple):
 
 @njit(cache=True)
 def _near(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas, deep,
-          s_min, s_max, z_min, z_max):
+          s_min, s_max, z_min, z_max, floor):
     out = np.empty((points.shape[1], 7), np.float32)
     n = 0
     cs = (origin[0] - line_origin[0]) * along[0] + (origin[1] - line_origin[1]) * along[1]
@@ -208,7 +211,7 @@ def _near(points, noise, returned, origin, line_origin, along, normal, lean, hei
         if not (crosses or ends):
             continue
         out[n, 0], out[n, 1], out[n, 2], out[n, 3], out[n, 4] = s, offset, z, sc, zc
-        out[n, 5] = 2 if i >= returned else _label(offset, noise[i], reach, tolerance, sigmas, deep)
+        out[n, 5] = 2 if i >= returned else _label(offset, z, noise[i], reach, tolerance, sigmas, deep, floor)
         out[n, 6] = noise[i] * way
         n += 1
     return out[:n]
@@ -219,7 +222,8 @@ def near(rays, line, settings, s_min, s_max, z_min, z_max):
     scan = settings.gap
     table = _near(
         rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
-        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_min, s_max, z_min, z_max)
+        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_min, s_max, z_min, z_max,
+        settings.ground.floor_height)
     columns = np.ascontiguousarray(table.T)
     return Crossings(columns[0], columns[1], columns[2], columns[3], columns[4], columns[5].astype(np.int8), columns[6])
 

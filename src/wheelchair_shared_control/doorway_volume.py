@@ -88,8 +88,10 @@ def _coverage(near, left, right, thickness, settings):
     # a ray that ends on the inner face of a jamb tells nothing about the gap's middle: leave its column out
     reveal = inside & (near.label == SHALLOW) & (
         (np.abs(near.s - left) < volume.margin) | (np.abs(near.s - right) < volume.margin))
-    deep = inside & (near.label == DEEP)
-    shut = inside & (near.label != DEEP) & (near.label != FRONT) & ~reveal
+    # nor does one that ends beside the way block it: it has left the volume behind a jamb
+    aside = (near.label == SHALLOW) & ((near.s < left - volume.margin) | (near.s > right + volume.margin))
+    deep = inside & ((near.label == DEEP) | aside)
+    shut = inside & (near.label != DEEP) & (near.label != FRONT) & ~reveal & ~aside
 
     def columns(mask):
         return np.bincount(column[mask], minlength=n)[:n]
@@ -109,8 +111,10 @@ def _coverage(near, left, right, thickness, settings):
 def _passage(near, left, right, settings):
     """Free run [m] between tall things from ``volume/passage_before`` before to ``passage`` behind the plane."""
     volume = settings.volume
+    # what is that near to a jamb's line (a leaf at right angles, its handle, noise) leaves the way free
+    low, high = left + volume.margin, right - volume.margin
     tall = (near.z > volume.tall) & (near.z < settings.door.height) & (near.offset < volume.passage) & (
-        near.offset > -volume.passage_before) & (near.s > left) & (near.s < right)
+        near.offset > -volume.passage_before) & (near.s > low) & (near.s < high)
     n = max(int((right - left) / 0.03), 1)
     column = ((near.s[tall] - left) / (right - left) * n).astype(int)
     taken = np.bincount(column, minlength=n)[:n] >= volume.min_rays
