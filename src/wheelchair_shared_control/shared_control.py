@@ -122,6 +122,25 @@ class SharedControl:
         self._silent = True
         self._cached = (None, None)
 
+    def warm_up(self):
+        """Compile (or load) what is compiled, so that the first tick is as fast as any; then forget it."""
+        grid = Grid(np.full((40, 40), -1, dtype=np.int8), 0.05, (-1.0, -1.0), 0.0)
+        grid.cells[20:22, 38] = 100
+        still = Odometry(0.0, np.zeros(3), STOP)
+        inputs = Inputs(
+            0.0, Twist(0.3, 0.3), 0.0, Twist(0.3, 0.0), 0.0, still, grid, 0.0, Ranges(0.0, np.full(6, np.inf)),
+        )
+        for step in range(3):
+            now = step * 0.1
+            self.query(inputs)
+            self.update(
+                inputs._replace(
+                    now=now, user_stamp=now, odometry=still._replace(stamp=now), grid=grid._replace(stamp=now),
+                    grid_received=now, ranges=Ranges(now, np.full(6, np.inf)),
+                )
+            )
+        self.reset()
+
     # ---- features ----------------------------------------------------------------------------------------
 
     def query(self, inputs):
@@ -259,7 +278,7 @@ class SharedControl:
         problem = ""
         if ages["odom"] > limits.odom:
             problem = _too_old("odometry", ages["odom"], limits.odom)
-        elif ages["ranges"] > limits.ranges:
+        elif self.settings.rangers and ages["ranges"] > limits.ranges:
             problem = _too_old("ranger ir_" + ranger, ages["ranges"], limits.ranges)
         dead = ages["costmap_silence"] > limits.costmap_silence
         if dead and not self._dead_costmap:
@@ -267,6 +286,8 @@ class SharedControl:
         elif self._dead_costmap and not dead and self._centre.startswith("no costmap"):
             self._centre = ""
         self._dead_costmap = dead
+        if dead and not problem and not self.settings.rangers:
+            problem = "no costmap, and no rangers to drive by"
         if not dead and not problem and ages["costmap"] > limits.costmap:
             problem = _too_old("costmap", ages["costmap"], limits.costmap)
         grid = None if dead else inputs.grid
