@@ -12,18 +12,17 @@ class Recorder:
         self._world_to_door = se2.inverse(door_pose)
         self._rows = []
 
-    def add(self, truth, state, stopped, assisted, clearance):
+    def add(self, truth, state, clearance):
         """Add a tick.
 
-        ``truth`` is ``Odometry`` in world, ``state`` has the fields of ``BlendState``, ``clearance`` [m] is the
-        true one, ``stopped`` whether guard or fault held the chair.
+        ``truth`` is ``Odometry`` in world, ``state`` is ``shared_control.State``, ``clearance`` [m] the true one.
         """
         self._rows.append(
             (
                 truth.stamp, se2.compose(self._world_to_door, truth.pose), truth.twist,
                 _pair(state.user), _pair(state.planner), _pair(state.blended), _pair(state.sent),
                 (state.d_l, state.d_f, state.d_r, state.v), (state.sigma_l, state.sigma_r),
-                np.nan if state.beta is None else state.beta, state.guard, stopped, assisted, clearance,
+                np.nan if state.beta is None else state.beta, state.guard, state.stopped, state.assisting, clearance,
             )
         )
 

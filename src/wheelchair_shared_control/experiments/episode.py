@@ -1,0 +1,116 @@
+"""One episode without ROS: from a start to its verdict, deterministic for a seed."""
+import numpy as np
+
+from wheelchair_shared_control import blending
+from wheelchair_shared_control import footprint as footprints
+from wheelchair_shared_control.experiments import graph as graphs
+from wheelchair_shared_control.experiments import metrics, results
+from wheelchair_shared_control.experiments.recorder import Recorder
+from wheelchair_shared_control.experiments.referee import Referee, Verdict
+from wheelchair_shared_control.simulation import doors, scenes
+from wheelchair_shared_control.simulation.simulator import Simulator
+from wheelchair_shared_control.values import Twist
+
+ESCAPE_TIME = 5.0  # s with the stick pushed the opposite way
+STICK_WINDOW = 1.0  # s over which the stick is averaged for that
+CHOICE_STREAM = 11  # of chance: which door, which side, where the command line leaves it open
+
+
+def description(options, seed):
+    """The scene of an episode as the mapping that ``scenes.setup`` reads."""
+    content = {"scene": options.scene, "door_width": options.door_width, "clutter": options.clutter}
+    for key in ("start_distance", "start_heading", "start_offset"):
+        if getattr(options, key) is not None:
+            content[key] = list(getattr(options, key))
+    if options.map is None:
+        return content
+    content.update(map=options.map, doors=options.doors)
+    rng = scenes.stream(seed, CHOICE_STREAM)
+    names = list(doors.read(options.doors))
+    # both draws are made always, so that naming the door does not change the side
+    door, side = int(rng.integers(len(names))), int(rng.integers(2))
+    content["door"] = names[door] if options.door is None else options.door
+    content["side"] = side if options.side is None else options.side
+    return content
+
+
+class Episode:
+    """A run of the graph under the eyes of a referee; ``run`` gives the result, ``log`` the ticks."""
+
+    def __init__(self, options, seed, settings=None):
+        self.options, self.seed = options, int(seed)
+        self.settings = settings or graphs.settings_for(options)
+        wheelchair = self.settings.navigation.wheelchair
+        self.footprint = footprints.from_settings(wheelchair)
+        self.setup = scenes.setup(description(options, seed), seed, wheelchair)
+        self.log = None
+
+    @property
+    def world(self):
+        """The ``World`` of the episode."""
+        return self.setup.world
+
+    @property
+    def door(self):
+        """The ``Door`` to cross."""
+        return self.setup.door
+
+    def run(self, watch=None):
+        """Drive to the end; returns the result as a dictionary (see ``results.of_log``).
+
+        ``watch(graph, simulator)`` is called after every tick of the blender.
+        """
+        if self.setup.start is None:
+            return results.not_driven(self.seed, Verdict("no_start", "no pose fits the rule for starts"))
+        person = None
+        simulator = Simulator(
+            self.world, self.settings.simulator, self.seed, self.setup.start, self.options.camera, person
+        )
+        try:
+            return self._drive(simulator, watch)
+        finally:
+            simulator.close()
+
+    def _drive(self, simulator, watch):
+        graph = graphs.Graph(self.options, self.setup, self.seed, self.settings, simulator)
+        referee = Referee(self.door.pose, self.footprint, blending.needs_planner(self.options.policy))
+        recorder = Recorder(self.door.pose)
+        verdict, touch_speed = None, None
+        while verdict is None:
+            # the chair's state when the command was made belongs to the command
+            truth = simulator.truth()
+            clearance = simulator.clearance()
+            graph.tick()
+            if graph.fresh:
+                recorder.add(truth, graph.state, clearance)
+                if watch is not None:
+                    watch(graph, simulator)
+            touched = [name for name, _ in simulator.contacts()]
+            if touched:
+                touch_speed = float(truth.twist.v)
+            verdict = referee.update(
+                simulator.time, simulator.truth().pose, touched, graph.assistance.state, graph.refusal
+            )
+        self.log = recorder.log()
+        extra = {"touch_speed": touch_speed, "escape_m": None}
+        if verdict.outcome == "standstill":
+            extra["escape_m"] = self._escape(graph, simulator)
+        return results.of_log(self.seed, verdict, self.log, self.footprint, extra)
+
+    def _escape(self, graph, simulator):
+        """How far [m] the chair gets in 5 s with the stick pushed the opposite way."""
+        recent = self.log.user[self.log.time > self.log.time[-1] - STICK_WINDOW]
+        recent = recent[np.isfinite(recent).all(axis=1)]
+        if not len(recent):
+            return 0.0
+        graph.override_user(Twist(*(-recent.mean(axis=0))))
+        poses, end = [simulator.truth().pose], simulator.time + ESCAPE_TIME
+        while simulator.time < end:
+            graph.tick()
+            poses.append(simulator.truth().pose)
+        return metrics.corner_path(self.footprint, poses)
+
+
+def run(options, seed, settings=None):
+    """Result of one episode."""
+    return Episode(options, seed, settings).run()
