@@ -28,11 +28,10 @@ def approach(value, rate, target, max_rate, max_change, dt):
     wanted = math.copysign(min(max_rate, highest), gap)
     new_rate = min(max(wanted, rate - drop), rate + drop)
     new_rate = min(max(new_rate, -max_rate), max_rate)
-    step = new_rate * dt
-    # Arrived: within one step, and slow enough to end there.
-    if abs(gap) <= abs(step) + 1e-12 and step * gap >= 0.0 and abs(new_rate) <= 2.0 * drop:
+    # Steps of uneven length (a tick at once on a user's command) would pass the target by a hair: end on it.
+    if gap * new_rate >= 0.0 and abs(new_rate) * dt >= abs(gap) - 1e-12 and abs(new_rate) <= drop + 1e-9:
         return target, 0.0
-    return value + step, new_rate
+    return value + new_rate * dt, new_rate
 
 
 class Limiter:
@@ -54,6 +53,8 @@ class Limiter:
         v, self._acceleration = approach(
             self.command.v, self._acceleration, target.v, limits.acceleration, limits.jerk, dt
         )
+        if abs(v) > limits.speed:
+            v, self._acceleration = math.copysign(limits.speed, v), 0.0
         change = limits.turn_acceleration * dt
         w = min(max(target.w, self.command.w - change), self.command.w + change)
         self.command = Twist(v, w)
