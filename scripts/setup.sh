@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Installs what is missing, makes the Python environment, builds the workspace. Safe to call again and again:
 # with everything in place it takes a moment. Needs the network only for what is missing.
-set -euo pipefail
+set -Eeuo pipefail
+trap 'echo "setup.sh: stopped at line $LINENO" >&2' ERR
 
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 workspace="$root/.catkin_ws"
@@ -21,6 +22,9 @@ case "${1:-}" in
     exit 0 ;;
   *) fail "unknown argument '$1' (see --help)" ;;
 esac
+
+# catkin writes programs whose first line is the path of .venv's Python.
+case "$root" in *[[:space:]]*) fail "catkin does not work in a path with blanks: move '$root' elsewhere" ;; esac
 
 # ---- system packages ------------------------------------------------------------------------------------
 
@@ -74,19 +78,21 @@ install_system_packages() {
 # ---- Python environment -----------------------------------------------------------------------------------
 
 install_python_packages() {
-  local stamp="$venv/requirements.installed"
-  if [ ! -x "$venv/bin/python" ] || ! "$venv/bin/python" -c '' 2>/dev/null; then
+  # What is installed, and where: programs in .venv/bin carry its path, so a moved checkout needs a new one.
+  local stamp="$venv/requirements.installed" wanted
+  wanted="$(echo "$venv"; cat "$root"/requirements*.txt)"
+  if ! "$venv/bin/python" -c '' 2>/dev/null || { [ -f "$stamp" ] && [ "$(head -n 1 "$stamp")" != "$venv" ]; }; then
     say "making .venv from $system_python"
     rm -rf "$venv"
     "$system_python" -m venv --system-site-packages "$venv"
     # A pip older than 20.3 (Ubuntu 20.04) does not know the wheels that open3d comes in.
     "$venv/bin/python" -m pip install -q --disable-pip-version-check --upgrade "pip>=20.3"
   fi
-  if ! cat "$root"/requirements*.txt | cmp -s - "$stamp"; then
+  if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$wanted" ]; then
     say "installing Python packages (some minutes the first time)"
     "$venv/bin/python" -m pip install -q --disable-pip-version-check \
       -r "$root/requirements.txt" -r "$root/requirements-test.txt"
-    cat "$root"/requirements*.txt > "$stamp"
+    echo "$wanted" > "$stamp"
   fi
 }
 
@@ -99,8 +105,8 @@ fingerprint() {
     echo "$root" "$(readlink -f "$system_python")"
     cd "$root"
     cat CMakeLists.txt package.xml setup.py msg/* srv/*
-    ls msg srv nodes scripts test/rostest | grep -v __pycache__
-  } 2>/dev/null | cksum
+    { find msg srv nodes scripts test/rostest -maxdepth 1 -type f 2>/dev/null || true; } | sort
+  } | cksum
 }
 
 build() {
