@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wheelchair_shared_control import camera as cameras
-from wheelchair_shared_control import doorway as detector
-from wheelchair_shared_control import parameters, se2, users
+from wheelchair_shared_control import blending, parameters, se2, users
 from wheelchair_shared_control.assistance import ASSISTING, FAULT, Assistance, AssistanceInputs
 from wheelchair_shared_control.costmap import Costmap, to_grid
-from wheelchair_shared_control.doorway_tracker import DoorwayTracker
 from wheelchair_shared_control.planning.navigation import Navigator
 from wheelchair_shared_control.shared_control import Inputs, SharedControl
 from wheelchair_shared_control.simulation.scenes import USER_STREAM, stream
@@ -68,6 +66,31 @@ def model_name(options):
     return "full" if options.policy == "learned_confidence" else "paper"
 
 
+class Detector:
+    """The detector's node: doorways of one image, followed over several in odom."""
+
+    def __init__(self, camera, base_from_camera, settings):
+        # open3d takes a second to import, and an episode with the true doorway does without
+        from wheelchair_shared_control import doorway, doorway_tracker
+
+        self._detect = doorway.detect_depth
+        self._tracker = doorway_tracker.DoorwayTracker(settings)
+        self._camera, self._base_from_camera, self._settings = camera, base_from_camera, settings
+
+    def look(self, depth, odom_pose):
+        """Tracked doorways in odom, and the reason where this image shows none."""
+        found = self._detect(
+            depth.image, self._camera, self._base_from_camera, self._settings, seed=DETECTOR_SEED, stamp=depth.stamp
+        )
+        seen = [
+            doorway._replace(
+                pose=se2.compose(odom_pose, doorway.pose), jambs=se2.transform_points(odom_pose, doorway.jambs)
+            )
+            for doorway in found.doorways
+        ]
+        return tuple(self._tracker.update(seen, odom_pose, depth.stamp)), found.reason
+
+
 class Graph:
     """All nodes about one simulator; ``tick`` is one step of ``TICK`` seconds.
 
@@ -87,17 +110,18 @@ class Graph:
         self._costmap = Costmap(s.navigation.local_costmap, wheelchair)
         self._navigator = Navigator(s.navigation)
         self._assistance = Assistance(s.assistant)
-        self._tracker = DoorwayTracker(s.detector)
+        self._detector = Detector(self._camera, self._base_from_camera, s.detector) if options.detector else None
         self._blender = SharedControl(s.blender, options.policy, options.guard)
-        self._model = TaskModel.load(model_name(options))
-        self._blender.density_floor = self._model.density_quantiles[DENSITY_LEVEL]
-        self._driven = options.policy != "planner"
-        self._user = None
-        if self._driven:
-            self._user = users.make(
-                options.user, s.users, setup.door.pose, stream(seed, USER_STREAM), setup.world,
-                button=users.FACE_FIRST if options.detector else users.AT_ONCE,
-            )
+        self._model = None
+        if options.model is not None or blending.needs_prediction(options.policy):
+            self._model = TaskModel.load(model_name(options))
+            self._blender.density_floor = self._model.density_quantiles[DENSITY_LEVEL]
+        # under policy `planner` the stick is logged, but no user takes part: neither planner nor assistance hears it
+        self._planner_alone = options.policy == "planner"
+        self._user = users.make(
+            options.user, s.users, setup.door.pose, stream(seed, USER_STREAM), setup.world,
+            button=users.FACE_FIRST if options.detector else users.AT_ONCE,
+        )
         self._tick = 0
         self._depth = self._snapshot = self._grid = self._ranges = None
         self._odometry = simulator.odometry()
@@ -107,7 +131,6 @@ class Graph:
         self._goal, self._grid_received = None, -np.inf
         self.assistance = self._assistance.update(simulator.time, AssistanceInputs(self._odometry))
         self.refusal = ""
-        self.user_began = not self._driven
         self.state, self.fresh = None, False
 
     @property
@@ -122,8 +145,7 @@ class Graph:
 
     def override_user(self, command):
         """Let ``command`` stand for the simulated user's from now on."""
-        self._driven, self._user = False, None
-        self._user_command = command
+        self._user, self._user_command, self._pressed = None, command, False
 
     def tick(self):
         """Advance simulation and graph by one step."""
@@ -161,22 +183,18 @@ class Graph:
         self._costmap.insert_ranges(self._ranges, self._odometry.pose)
 
     def _user_acts(self, now):
-        if self._user is None:
-            # policy `planner`: nobody steers, the button is pressed once
-            self._pressed = self._tick == CONTROL_EVERY
-            if self._user_command is not None:
-                self._user_stamp = now
-            return
-        action = self._user.update(now, self.simulator.truth(), self.assistance.state)
-        self._user_command, self._user_stamp, self._pressed = action.command, now, action.press
-        self.user_began = self._user.began
+        if self._user is not None:
+            action = self._user.update(now, self.simulator.truth(), self.assistance.state)
+            self._user_command, self._pressed = action
+        self._user_stamp = now
 
     def _assist(self, now):
         status, reason = ("idle", "") if self._decision is None else (self._decision.status, self._decision.reason)
         self.assistance = self._assistance.update(
             now,
             AssistanceInputs(
-                self._odometry, press=self._pressed, user=self._user_command, doorways=self._doorways,
+                self._odometry, press=self._pressed,
+                user=None if self._planner_alone else self._user_command, doorways=self._doorways,
                 detector_reason=self._detector_reason, navigator_status=status, navigator_reason=reason,
                 grid=self._grid, fault="" if self.state is None else self.state.fault,
             ),
@@ -193,20 +211,8 @@ class Graph:
 
     def _detect(self, now):
         """Doorways in the newest image, or the true one, in odom."""
-        if self.options.detector:
-            found = detector.detect_depth(
-                self._depth.image, self._camera, self._base_from_camera, self.settings.detector,
-                seed=DETECTOR_SEED, stamp=self._depth.stamp,
-            )
-            self._detector_reason = found.reason
-            doorways = [
-                doorway._replace(
-                    pose=se2.compose(self._odometry.pose, doorway.pose),
-                    jambs=se2.transform_points(self._odometry.pose, doorway.jambs),
-                )
-                for doorway in found.doorways
-            ]
-            self._doorways = tuple(self._tracker.update(doorways, self._odometry.pose, self._depth.stamp))
+        if self._detector is not None:
+            self._doorways, self._detector_reason = self._detector.look(self._depth, self._odometry.pose)
         else:
             self._doorways = (self._true_doorway(now),)
 
@@ -219,8 +225,7 @@ class Graph:
         return Doorway(pose, self.door.width, 1.0, jambs, TRUTH_COVARIANCE, now)
 
     def _plan(self, now):
-        # under policy `planner` nobody pushes the stick: reversing is allowed
-        user_v = self._user_command.v if self._driven and self._user_command is not None else None
+        user_v = None if self._planner_alone else self._user_command.v
         self._decision = self._navigator.update(now, self._odometry, self._snapshot, user_v)
         if self._decision.recovery:
             self._costmap.clear_outside(self.settings.navigation.recovery_radius)
@@ -235,7 +240,7 @@ class Graph:
             doorway=self.assistance.doorway, doorways=self._doorways or (), goal=self._goal,
         )
         query = self._blender.query(inputs)
-        prediction = None if query is None else self._model.predict(*query)
+        prediction = None if query is None or self._model is None else self._model.predict(*query)
         self.state = self._blender.update(inputs, prediction)
         if self.state.sent is not None:
             self.simulator.command(*self.state.sent)

@@ -1,0 +1,116 @@
+"""The detector's errors over many random scenes: recall, precision, errors of place, direction and width."""
+from typing import NamedTuple, Tuple
+
+import numpy as np
+
+from wheelchair_shared_control import camera as cameras
+from wheelchair_shared_control import doorway, se2
+from wheelchair_shared_control.experiments import detector_scenes
+from wheelchair_shared_control.simulation import depth_noise, zbuffer
+
+MATCH_DISTANCE = 0.3  # m
+MATCH_ANGLE = np.radians(15.0)
+OPEN_SHARE = 2.0 / 3.0  # of the scenes hold an open doorway
+
+
+class Match(NamedTuple):
+    """A doorway found: ``expected`` Opening or None, ``found`` Doorway in the world or None."""
+
+    expected: object
+    found: object
+
+
+class Result(NamedTuple):
+    """One scene: what is asked for and what was found. ``required`` is the opening that must be found, or None;
+    ``error`` (4,) of it: across, along [m], turn [rad], width [m], NaN if missed; ``false`` are doorways that
+    match no opening."""
+
+    seed: int
+    scene: detector_scenes.DetectorScene
+    found: bool
+    error: np.ndarray
+    false: Tuple
+    matched: int
+    detection: object
+    image: np.ndarray
+
+
+class Studio:
+    """The chair's camera in a drawn scene, with the simulator's noise."""
+
+    def __init__(self, simulator_settings, detector_settings):
+        self.detector_settings = detector_settings
+        self.noise_settings = simulator_settings.depth_noise
+        self.wheelchair = simulator_settings.wheelchair
+        self.camera = cameras.from_settings(self.wheelchair)
+        self.base_from_camera = cameras.mounting(self.wheelchair)
+
+    def look(self, boxes, base, rng):
+        """Noisy depth image and true depth, both (height, width) [m], of ``boxes`` from ``base`` (3,)."""
+        world_from_camera = cameras.lifted(base) @ self.base_from_camera
+        inverse, plane = zbuffer.render(boxes, self.camera, world_from_camera, 12.0)
+        with np.errstate(divide="ignore"):
+            truth = np.float32(1.0) / inverse
+        noise = depth_noise.DepthNoise(self.noise_settings, self.wheelchair, rng)
+        return noise.apply(inverse, plane, self.camera), truth
+
+    def sees_jambs(self, opening, base, truth):
+        """Is the wall beside both jambs, at most 0.10 m from them, in view and not hidden?"""
+        world_from_camera = cameras.lifted(base) @ self.base_from_camera
+        camera_from_world = np.linalg.inv(world_from_camera)
+        for beside in (0.02, 0.05, 0.09):
+            for point in detector_scenes.beside_jambs(opening, beside):
+                heights = np.linspace(0.2, 1.4, 25)
+                points = np.column_stack((np.tile(point, (25, 1)), heights, np.ones(25)))
+                x, y, z, _ = camera_from_world @ points.T
+                u = np.rint(self.camera.fx * x / z + self.camera.cx).astype(int)
+                v = np.rint(self.camera.fy * y / z + self.camera.cy).astype(int)
+                inside = (z > self.wheelchair.camera.min_range) & (u >= 0) & (u < self.camera.width) & (v >= 0) & (
+                    v < self.camera.height)
+                seen = np.abs(truth[v[inside], u[inside]] - z[inside]) < 0.03 + 0.02 * z[inside]
+                if seen.sum() < 8 or (seen & (heights[inside] > 0.7)).sum() < 5:
+                    return False
+        return True
+
+
+def draw(studio, seed):
+    """A scene (DetectorScene), its noisy image, drawn by ``seed``: a third holds no open doorway."""
+    rng = np.random.default_rng(seed)
+    is_open = rng.random() < OPEN_SHARE
+    kind = str(rng.choice(detector_scenes.POSITIVE if is_open else detector_scenes.NEGATIVE))
+    while True:
+        scene = detector_scenes.draw(rng, kind, studio.wheelchair.camera.x)
+        if scene is None:
+            continue
+        image, truth = studio.look(scene.boxes, scene.base, rng)
+        if is_open and not studio.sees_jambs(scene.openings[0], scene.base, truth):
+            continue
+        return scene, image
+
+
+def examine(studio, seed):
+    """``Result`` of the scene of ``seed``."""
+    scene, image = draw(studio, seed)
+    detection = doorway.detect_depth(image, studio.camera, studio.base_from_camera, studio.detector_settings, seed)
+    poses = [se2.compose(scene.base, found.pose) for found in detection.doorways]
+    taken = set()
+    error = np.full(4, np.nan)
+    found = False
+    for index, opening in enumerate(scene.openings):
+        for k, (pose, item) in enumerate(zip(poses, detection.doorways)):
+            if k in taken or not matches(pose, opening.pose):
+                continue
+            taken.add(k)
+            if index == 0:
+                found = True
+                across, along, turn = se2.compose(se2.inverse(opening.pose), pose)
+                error = np.array([across, along, turn, item.width - opening.width])
+            break
+    false = tuple(pose for k, pose in enumerate(poses) if k not in taken)
+    return Result(seed, scene, found, error, false, len(taken), detection, image)
+
+
+def matches(pose, expected):
+    """Within 0.3 m and 15 degrees of what is expected (poses (3,))?"""
+    away = np.hypot(*(pose[:2] - expected[:2]))
+    return bool(away <= MATCH_DISTANCE and abs(se2.wrap_angle(pose[2] - expected[2])) <= MATCH_ANGLE)
