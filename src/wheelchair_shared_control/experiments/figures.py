@@ -3,13 +3,13 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.patches import Polygon  # noqa: E402
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.patches import Polygon
 
-from wheelchair_shared_control import footprint as footprints  # noqa: E402
-from wheelchair_shared_control import se2  # noqa: E402
-from wheelchair_shared_control.experiments import metrics  # noqa: E402
+from wheelchair_shared_control import footprint as footprints
+from wheelchair_shared_control import se2
+from wheelchair_shared_control.experiments import metrics
 
 USER, PLANNER, SENT, WALL = "#3b6fb6", "#d9822b", "#2c2c2c", "#6b6b6b"
 PHASE_SHADES = ("#eef3fa", "#fdf3e3", "#eef7ee")

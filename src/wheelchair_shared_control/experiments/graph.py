@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wheelchair_shared_control import camera as cameras
 from wheelchair_shared_control import blending, parameters, se2, users
+from wheelchair_shared_control import camera as cameras
 from wheelchair_shared_control.assistance import ASSISTING, FAULT, Assistance, AssistanceInputs
 from wheelchair_shared_control.costmap import Costmap, to_grid
 from wheelchair_shared_control.planning.navigation import Navigator
