@@ -21,8 +21,9 @@ class AssistanceInputs(NamedTuple):
     """What one cycle knows; everything in odom.
 
     ``press`` and ``cancel`` are levels (the button is down): edges are found here. ``doorways`` is the newest
-    answer of detector or tracker, None before the first. ``navigator_status`` is "idle", "active",
-    "succeeded" or "aborted" for the last goal sent. ``fault`` is a reason from elsewhere (blender, node).
+    answer of detector or tracker, None before the first. ``navigator_status`` is "idle", "pending" (sent, not
+    accepted), "active", "succeeded" or "aborted" for the last goal sent. ``fault`` is a reason from elsewhere:
+    the blender's, when planner or prediction have become stale.
     """
 
     odometry: Optional[Odometry]
@@ -68,7 +69,7 @@ class Assistance:
         self._press_was = self._cancel_was = False
         self._seen, self._no_room = -np.inf, 0
         self._back_since = self._off_since = None
-        self._centred = False
+        self._centred, self._old_fault = False, ""
 
     def update(self, now, inputs):
         """One cycle at ``now`` [s]: ``AssistanceOutput``."""
@@ -112,7 +113,7 @@ class Assistance:
                 if choice.doorway is not None:
                     goal = free_goal(choice.doorway.pose, inputs.grid, self.chair, self.settings)
                     if goal is not None:
-                        self._accept(now, choice.doorway, goal, actions)
+                        self._accept(now, choice.doorway, goal, inputs, actions)
                         return
                     self._no_room += 1
             if self._no_room:
@@ -124,15 +125,20 @@ class Assistance:
             self._asked = now
             actions["detect"] = True
 
-    def _accept(self, now, doorway, goal, actions):
+    def _accept(self, now, doorway, goal, inputs, actions):
         self._enter(ASSISTING, now, "assisting through a doorway of %.2f m" % doorway.width)
         self.doorway, self.goal, self._goal_sent = doorway, goal, now
         self._back_since = self._off_since = None
+        self._old_fault = inputs.fault
         actions["goal"] = goal
 
     def _assisting(self, now, inputs, actions):
-        if inputs.fault:
+        if inputs.fault != self._old_fault:  # one that was there before is of the last assistance
+            self._old_fault = ""
+        if inputs.fault and inputs.fault != self._old_fault:
             self._to_fault(now, inputs.fault, actions)
+        elif inputs.navigator_status == "pending" and now - self._goal_sent > self.settings.server_wait:
+            self._to_fault(now, "planner: goal not accepted within %.1f s" % self.settings.server_wait, actions)
         elif inputs.navigator_status == "aborted":
             self._to_fault(now, "planner: " + (inputs.navigator_reason or "goal aborted"), actions)
         elif inputs.navigator_status == "succeeded" and now > self._goal_sent:
