@@ -18,9 +18,9 @@ SEEN, PRESUMED = 1, 2
 def contradicted(mask, through, blocked):
     """The bits of ``mask`` that are erased by looks ``through`` some heights and not ``blocked`` at others.
 
-    Adjacent heights are one thing: a wall seen from afar over its whole height is gone when a camera that
-    has come near, and sees only the middle, looks through that middle. A fifth of the thing, at least two
-    bands of a tall one, must be looked through.
+    Heights with less than three empty bands between them are one thing: a wall seen from afar over its whole
+    height is gone when a camera that has come near, and sees only the middle, looks through that middle. A
+    fifth of the thing, at least two bands of a tall one, must be looked through.
     """
     erased = np.uint16(0)
     low = 0
@@ -28,21 +28,21 @@ def contradicted(mask, through, blocked):
         if not (mask >> low) & 1:
             low += 1
             continue
-        high = low
-        n_through, n_blocked = 0, 0
         run = np.uint16(0)
-        while high < BANDS and (mask >> high) & 1:
-            bit = np.uint16(1 << high)
-            run |= bit
-            if through & bit:
-                n_through += 1
-            if blocked & bit:
-                n_blocked += 1
-            high += 1
-        length = high - low
-        if n_blocked == 0 and n_through > 0 and (n_through >= 2 or length == 1) and 5 * n_through >= length:
+        n, n_through, n_blocked, gap = 0, 0, 0, 0
+        while low < BANDS and gap < 3:
+            bit = np.uint16(1 << low)
+            if mask & bit:
+                run |= bit
+                n += 1
+                gap = 0
+                n_through += 1 if through & bit else 0
+                n_blocked += 1 if blocked & bit else 0
+            else:
+                gap += 1
+            low += 1
+        if n_blocked == 0 and n_through > 0 and (n_through >= 2 or n <= 4) and 5 * n_through >= n:
             erased |= run
-        low = high
     return erased
 
 
@@ -80,7 +80,6 @@ def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes
     rows, columns = odds.shape
     fx = per_radian if per_radian > 0.0 else intrinsics[0]
     fy = per_radian if per_radian > 0.0 else intrinsics[1]
-    margin = 0.71 * resolution
     cx, cy, cz = camera_position
     for row in range(rows):
         y = origin[1] + (row + 0.5) * resolution
@@ -138,12 +137,16 @@ def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes
             for band in range(BANDS):
                 bit = np.uint16(1 << band)
                 if m & bit:
-                    z = min_height + (band + 0.5) * BAND_HEIGHT
-                    state = look(depth, intrinsics, camera_from_odom, x, y, z, margin, raytrace_range)
-                    if state == THROUGH:
-                        through |= bit
-                    elif state == BLOCKED:
+                    # a band may be filled in part, as by the lower end of a lamp: it is empty if both ends are
+                    z = min_height + band * BAND_HEIGHT
+                    low = look(depth, intrinsics, camera_from_odom, x, y, z + 0.2 * BAND_HEIGHT,
+                               0.5 * resolution, raytrace_range)
+                    high = look(depth, intrinsics, camera_from_odom, x, y, z + 0.8 * BAND_HEIGHT,
+                                0.5 * resolution, raytrace_range)
+                    if low == BLOCKED or high == BLOCKED:
                         blocked |= bit
+                    elif low == THROUGH and high == THROUGH:
+                        through |= bit
             erased = contradicted(m, through, blocked)
             if m & DROP and n_floor > 0 and n_drops == 0:
                 erased |= DROP
@@ -166,10 +169,12 @@ def _noise_of_what_is_behind(hits, row, column, dx, dy, distance, resolution):
     steps = int(2.5 * sigma / resolution + 0.6)
     few = hits[row, column]
     for step in range(1, min(steps, 4) + 1):
-        r = row + int(np.round(step * dy / distance))
-        c = column + int(np.round(step * dx / distance))
-        if 0 <= r < hits.shape[0] and 0 <= c < hits.shape[1] and few < 0.2 * hits[r, c]:
-            return True
+        r_0 = row + int(np.round(step * dy / distance))
+        c_0 = column + int(np.round(step * dx / distance))
+        for r in range(max(r_0 - 1, 0), min(r_0 + 2, hits.shape[0])):
+            for c in range(max(c_0 - 1, 0), min(c_0 + 2, hits.shape[1])):
+                if few < 0.1 * hits[r, c]:
+                    return True
     return False
 
 

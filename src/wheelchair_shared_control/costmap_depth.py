@@ -167,7 +167,7 @@ def count_holes(depth, intrinsics, odom_from_camera, origin, resolution, near, f
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     m = odom_from_camera
     norm = max(np.sqrt(m[0, 2] * m[0, 2] + m[1, 2] * m[1, 2]), 1e-6)
-    size = max(4, _COARSE * width // 640)
+    size = max(6, _COARSE * width // 640)
     for v0 in range(0, height - size + 1, size):
         yn = (v0 + 0.5 * size - cy) / fy
         for u0 in range(0, width - size + 1, size):
@@ -181,8 +181,8 @@ def count_holes(depth, intrinsics, odom_from_camera, origin, resolution, near, f
             if ahead < near or ahead > far:
                 continue
             empty = True
-            for v in range(v0, v0 + size, 2):
-                for u in range(u0, u0 + size, 2):
+            for v in range(v0, v0 + size):
+                for u in range(u0, u0 + size):
                     z = depth[v, u]
                     if z > 0.0 or z == -np.inf:
                         empty = False
@@ -205,10 +205,12 @@ def count_holes(depth, intrinsics, odom_from_camera, origin, resolution, near, f
                         holes[row, column] += 1
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def look(depth, intrinsics, camera_from_odom, x, y, z, margin, reach):
-    """Whether the camera looks THROUGH the point (x, y, z) of odom, is BLOCKED at or before it, or UNSEEN.
+@numba.njit(cache=True, nogil=True)
+def look(depth, intrinsics, camera_from_odom, x, y, z, half_cell, reach):
+    """Whether the camera looks THROUGH a cell at the point (x, y, z) of odom, sees it BLOCKED, or neither.
 
+    Three pixels across the cell are asked: the middle one is often the invalid edge of a jamb. BLOCKED: one
+    of them returns from the cell's own depth. UNSEEN: out of the image, hidden by something nearer, invalid.
     A fifth intrinsic of 1 stands for a spherical image (see `costmap_points`).
     """
     m = camera_from_odom
@@ -225,13 +227,20 @@ def look(depth, intrinsics, camera_from_odom, x, y, z, margin, reach):
             return UNSEEN
         u = right / forward * intrinsics[0] + intrinsics[2]
         v = down / forward * intrinsics[1] + intrinsics[3]
-    if forward < 0.1 or forward > reach:
+    if forward < 0.1 or forward > reach or not (v > -0.5 and v < depth.shape[0] - 0.5):
         return UNSEEN
-    if not (u > -0.5 and v > -0.5 and u < depth.shape[1] - 0.5 and v < depth.shape[0] - 0.5):
-        return UNSEEN
-    d = depth[int(v + 0.5), int(u + 0.5)]
-    # Kinect: sigma_z = 0.0012 + 0.0019 (z - 0.4)^2; three of them, and half the diagonal of a cell
-    sigma = 0.0012 + 0.0019 * (forward - 0.4) ** 2
-    if d > forward + margin + 3.0 * sigma:
-        return THROUGH
-    return UNSEEN if (np.isnan(d) or d == 0.0) else BLOCKED
+    # Kinect: sigma_z = 0.0012 + 0.0019 (z - 0.4)^2; three of them, and half the diagonal of the cell
+    margin = 1.42 * half_cell + 3.0 * (0.0012 + 0.0019 * (forward - 0.4) ** 2)
+    aside = 0.7 * half_cell / forward * intrinsics[0]
+    row = int(v + 0.5)
+    state = UNSEEN
+    for k in range(-1, 2):
+        column = int(np.floor(u + k * aside + 0.5))
+        if column < 0 or column >= depth.shape[1]:
+            continue
+        d = depth[row, column]
+        if d > forward + margin:
+            state = THROUGH
+        elif d >= forward - margin:
+            return BLOCKED
+    return state

@@ -7,7 +7,7 @@ from wheelchair_shared_control import parameters
 
 SETTINGS = parameters.load("move_base")
 CHAIR = SETTINGS.wheelchair
-KINECT = cameras.from_settings(CHAIR)
+CAMERA = cameras.scaled(cameras.from_settings(CHAIR), 320, 240)
 
 
 def box(x0, x1, y0, y1, z0, z1):
@@ -34,7 +34,7 @@ def door(width, x=0.0, y=0.0, lintel=2.0):
 class Renderer:
     """Depth images (height, width) float32 [m] of a list of boxes; +Inf where nothing lies in range."""
 
-    def __init__(self, boxes, camera=KINECT, max_range=CHAIR.camera.max_range):
+    def __init__(self, boxes, camera=CAMERA, max_range=CHAIR.camera.max_range):
         self.scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         for mesh in boxes:
             self.scene.add_triangles(mesh)
@@ -62,16 +62,17 @@ class Renderer:
 
 def noisy(depth, normals, directions, rng):
     """Kinect: sigma_z, quantised disparity, invalid beyond 80 degrees of incidence and 2 px at edges."""
+    depth = np.where(np.isfinite(depth), depth, np.float32(1e3))
     out = depth + rng.standard_normal(depth.shape).astype(np.float32) * (0.0012 + 0.0019 * (depth - 0.4) ** 2)
-    disparity = np.round(KINECT.fx * 0.075 / out * 8.0) / 8.0
+    base = cameras.from_settings(CHAIR).fx * 0.075
+    disparity = np.round(base / out * 8.0) / 8.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        out = np.where(np.isfinite(out), KINECT.fx * 0.075 / disparity, out).astype(np.float32)
+        out = np.where(depth < 100.0, base / disparity, np.inf).astype(np.float32)
         cos = np.abs((normals * directions).sum(-1)) / np.linalg.norm(directions, axis=-1)
-        near = np.where(np.isfinite(depth), depth, 100.0)
         edge = np.zeros(depth.shape, bool)
         for axis in (0, 1):
-            jump = np.abs(np.diff(1.0 / near, axis=axis)) > 0.04 / np.minimum(
-                near[1:] if axis == 0 else near[:, 1:], near[:-1] if axis == 0 else near[:, :-1]) ** 1
+            jump = np.abs(np.diff(1.0 / depth, axis=axis)) > 0.04 / np.minimum(
+                depth[1:] if axis == 0 else depth[:, 1:], depth[:-1] if axis == 0 else depth[:, :-1]) ** 1
             rows, columns = np.nonzero(jump)
             for k in range(-1, 3):
                 if axis == 0:
@@ -79,5 +80,5 @@ def noisy(depth, normals, directions, rng):
                 else:
                     edge[rows, np.clip(columns + k, 0, depth.shape[1] - 1)] = True
     out[edge] = np.nan
-    out[np.isfinite(depth) & (cos < np.cos(np.radians(80.0)))] = np.nan
+    out[(depth < 100.0) & (cos < np.cos(np.radians(80.0)))] = np.nan
     return out
