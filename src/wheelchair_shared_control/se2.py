@@ -3,6 +3,8 @@
 A pose is a float array ``(..., 3)`` of ``[x, y, yaw]`` in metres and radians, yaw counter-clockwise from x
 (REP 103). A pose named ``a_from_b`` is the pose of frame b in frame a, and maps points of b to points of a.
 """
+import math
+
 import numpy as np
 
 
@@ -11,10 +13,18 @@ def wrap_angle(angle):
     return (np.asarray(angle, dtype=float) + np.pi) % (2.0 * np.pi) - np.pi
 
 
+def _wrapped(angle):
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
 def compose(a_from_b, b_from_c):
     """Pose ``a_from_c`` (..., 3) of a chain of two; broadcasts."""
     a_from_b = np.asarray(a_from_b, dtype=float)
     b_from_c = np.asarray(b_from_c, dtype=float)
+    if a_from_b.ndim == 1 and b_from_c.ndim == 1:  # one pose: ten times faster without broadcasting
+        (ax, ay, yaw), (bx, by, turn) = a_from_b.tolist(), b_from_c.tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return np.array([ax + cos * bx - sin * by, ay + sin * bx + cos * by, _wrapped(yaw + turn)])
     cos, sin = np.cos(a_from_b[..., 2]), np.sin(a_from_b[..., 2])
     x, y = b_from_c[..., 0], b_from_c[..., 1]
     return np.stack(
@@ -30,6 +40,10 @@ def compose(a_from_b, b_from_c):
 def inverse(a_from_b):
     """Pose ``b_from_a`` (..., 3)."""
     a_from_b = np.asarray(a_from_b, dtype=float)
+    if a_from_b.ndim == 1:
+        x, y, yaw = a_from_b.tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return np.array([-cos * x - sin * y, sin * x - cos * y, _wrapped(-yaw)])
     cos, sin = np.cos(a_from_b[..., 2]), np.sin(a_from_b[..., 2])
     x, y = a_from_b[..., 0], a_from_b[..., 1]
     return np.stack((-cos * x - sin * y, sin * x - cos * y, wrap_angle(-a_from_b[..., 2])), axis=-1)
