@@ -102,7 +102,7 @@ class SharedControl:
         self.limiter = Limiter(settings.wheelchair.limits)
         self.guard = Guard(settings)
         self._ranges = RangePoints(settings.wheelchair)
-        self._moving = moving.MovingCells(settings.guarding)
+        self._moving = moving.MovingCells()
         self.reset()
 
     def reset(self):
@@ -293,7 +293,7 @@ class SharedControl:
         grid = None if dead else inputs.grid
         points = self._ranges.points()
         if grid is not None:
-            self._moving.update(grid, odometry.pose)
+            self._moving.update(grid)
         scene = self.guard.look(grid, odometry.pose, points, None if grid is None else self._moving)
         clearance = min(self.guard.clearance(scene, odometry.pose), self.settings.max_range)
         return _Sensors(problem, scene, clearance, dead)
