@@ -9,7 +9,8 @@ import numpy as np
 import open3d as o3d
 
 from wheelchair_shared_control import doorway_gaps, doorway_ground, doorway_jambs, doorway_rays, doorway_volume
-from wheelchair_shared_control import doorway_walls, se2
+from wheelchair_shared_control import doorway_walls
+from wheelchair_shared_control.doorway_tracker import DoorwayTracker
 from wheelchair_shared_control.values import Doorway
 
 
@@ -178,4 +179,4 @@ def _why(walls, gaps):
     return "%d gap%s, none an open doorway: %s" % (len(gaps), "s" * (len(gaps) > 1), "; ".join(told[:4]))
 
 
-__all__ = ["Detection", "FoundGap", "detect_depth", "detect_points", "se2"]
+__all__ = ["Detection", "DoorwayTracker", "FoundGap", "detect_depth", "detect_points"]
