@@ -179,8 +179,11 @@ def test_someone_who_walks_by_leaves_no_trail():
     chair = Chair(floor())
     for y in np.arange(-1.0, 1.01, 0.05):  # 0.5 m/s
         chair.replace_world(floor(), box(2.0, 2.4, y - 0.2, y + 0.2, 0.0, 1.7)).look()
-        assert chair.lethal(-3, 3, -0.9, y - 0.4) == 0  # at the edge of the view, at 0.95, a trace may stay
+        # single cells may stay of a height, or at an edge of the view, that is not seen again
+        assert chair.lethal(-3, 3, -0.9, y - 0.4) <= 3
     assert chair.lethal(1.9, 2.5, 0.7, 1.3) > 10
+    chair.now += SETTINGS.local_costmap.memory_time
+    assert chair.look().lethal(-3, 3, -3, 0.6) == 0
 
 
 def test_an_intruder_on_ground_seen_free_is_lethal_at_once():
