@@ -171,8 +171,19 @@ def learned_confidence(tick, memory):
     if math.isnan(shortfall):  # a model without its quantile: the more careful of the two
         return _blended(tick, min(learned, bound), "the model does not say what it was shown")
     share = min(shortfall / settings.transition, 1.0)
-    sigma = (1.0 - share) * learned + share * bound
-    return _blended(tick, sigma, "not demonstrated: bounded by clearance")
+    _, beta_learned = blend(tick.user, tick.planner, learned)
+    _, beta_bound = blend(tick.user, tick.planner, bound)
+    beta = (1.0 - share) * beta_learned + share * beta_bound
+    return _blended(
+        tick, sigma_of(beta, tick.user.w - tick.planner.w, bound), "not demonstrated: bounded by clearance"
+    )
+
+
+def sigma_of(beta, difference, otherwise):
+    """The s [rad/s] for which Eq. 2 gives ``beta``; ``otherwise`` where every s does (equal commands)."""
+    if difference == 0.0 or beta >= 1.0:
+        return otherwise
+    return -abs(difference) / math.log(beta) if beta > 0.0 else 0.0
 
 
 def assisted_teleop(tick, memory):
