@@ -75,7 +75,7 @@ def measure(world, annotation, side=0):
     middle, length = 0.5 * (first + second), np.hypot(*(second - first))
     along = (second - first) / length
     normal = np.array([-along[1], along[0]])
-    shapes = near(outlines.from_world(world), middle, SEARCH + REACH)
+    shapes = outlines.near(outlines.from_world(world), middle, SEARCH + REACH)
     count = int(round(2.0 * REACH / STEP))
     # between the cells' borders, where a line would run along a wall's face
     offsets = -REACH + (np.arange(count) + 0.5) * STEP
@@ -94,14 +94,6 @@ def measure(world, annotation, side=0):
     yaw = np.arctan2(sign * normal[1], sign * normal[0])
     thickness = band[-1][0] - band[0][0] + STEP
     return Door(np.array([centre[0], centre[1], yaw]), float(width), 2.0, float(thickness), annotation.name)
-
-
-def near(shapes, point, reach):
-    """The outlines within ``reach`` [m] of ``point`` (2,)."""
-    away = np.hypot(shapes.centres[:, 0] - point[0], shapes.centres[:, 1] - point[1]) - shapes.radii
-    chosen = np.nonzero(away <= reach)[0]
-    return outlines.Outlines(shapes.vertices[chosen], shapes.counts[chosen], shapes.centres[chosen],
-                             shapes.radii[chosen], tuple(shapes.names[i] for i in chosen))
 
 
 def _run(shapes, point, along, half):

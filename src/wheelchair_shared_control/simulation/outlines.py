@@ -56,6 +56,14 @@ def _finished(vertices, counts, names):
     return Outlines(np.ascontiguousarray(vertices), counts, centres, radii, names)
 
 
+def near(shapes, point, reach):
+    """The outlines within ``reach`` [m] of ``point`` (2,)."""
+    away = np.hypot(shapes.centres[:, 0] - point[0], shapes.centres[:, 1] - point[1]) - shapes.radii
+    chosen = np.nonzero(away <= reach)[0]
+    return Outlines(shapes.vertices[chosen], shapes.counts[chosen], shapes.centres[chosen],
+                    shapes.radii[chosen], tuple(shapes.names[i] for i in chosen))
+
+
 def clearance(outlines, polygon, cap=10.0):
     """Distance [m] from a convex ``polygon`` (k, 2) to the nearest outline, at most ``cap``; 0 when they meet."""
     return _clearance(outlines.vertices, outlines.counts, outlines.centres, outlines.radii,

@@ -12,9 +12,10 @@ from wheelchair_shared_control.values import Depth, Odometry, Ranges
 
 WORLD_GROUP, FLOOR_GROUP = 1, 2
 CHAIR_MASK, ROLLING_MASK = 8, 4
-ALL_AT_ONCE = 200           # boxes: worlds up to this size stand in physics as a whole
-NEAR, REFRESH = 4.0, 2.0    # m: of larger ones, what is this near, looked at again after this way
-STEPS_MARGIN = 0.10         # m of clearance above which a single advance cannot touch unnoticed
+ALL_AT_ONCE = 150  # boxes: worlds up to this size are held as a whole
+REFRESH = 1.0      # m: of larger ones the neighbourhood, chosen anew after this way
+CLEARANCE_CAP = 5.0  # m
+TOUCHABLE = 1.5    # m from base_link: what physics must hold
 
 
 class Simulator:
@@ -28,7 +29,9 @@ class Simulator:
     def __init__(self, world, settings, seed, start, camera=None, person=None):
         self.world, self.settings, self.person = world, settings, person
         self._size = tuple(camera) if camera is not None else (settings.camera_width, settings.camera_height)
-        self._shapes = outlines.from_world(world)
+        self._all_shapes = outlines.from_world(world)
+        camera, rangers = settings.wheelchair.camera, settings.wheelchair.rangers
+        self._visible = 1.6 * max(camera.max_range, rangers.max_range) + abs(camera.x)  # corners of the view
         self._caster = None
         if world.meshes:
             from wheelchair_shared_control.simulation.meshes import Caster
@@ -93,11 +96,9 @@ class Simulator:
         """Carry physics on by ``dt`` [s], in whole physics steps; what is left over is kept for the next call."""
         self._asked += dt
         self._contacts = {}
-        if self._populated_at is not None:
-            if np.hypot(*(self.chair.pose[:2] - self._populated_at)) > REFRESH:
-                self._populate()
         step = self.settings.physics_step
         while (self._steps + 1) * step <= self._asked + 1e-9:
+            self._populate_when_due()
             self.chair.before_step(self.time)
             if self._person_body is not None:
                 self._move_person()
@@ -127,9 +128,12 @@ class Simulator:
         return sorted(self._contacts.items(), key=lambda item: (-item[1], item[0]))
 
     def clearance(self):
-        """True distance [m] from the footprint polygon to the world in the heights 0.05-1.30 m; 0 on contact."""
+        """True distance [m] from the footprint polygon to the world in the heights 0.05-1.30 m.
+
+        0 on contact; at most 5 m.
+        """
         polygon = footprints.corners(self.chair.footprint, self.chair.pose)
-        distance = outlines.clearance(self._shapes, polygon)
+        distance = outlines.clearance(self._shapes, polygon, CLEARANCE_CAP)
         if self.person is not None:
             person = outlines.from_boxes(np.array([self.person.box(self.time)]))[0, :4]
             distance = min(distance, outlines.polygon_distance(polygon, person))
@@ -139,13 +143,12 @@ class Simulator:
         """Set the chair down at rest at ``pose`` (3,) in the world; its odometry does not notice."""
         self.chair.place(np.asarray(pose, dtype=float))
         self._contacts = {}
-        if self._populated_at is not None:
-            self._populate()
+        self._populate()
 
     def _boxes(self):
         if self.person is None:
-            return self.world.boxes
-        return np.vstack((self.world.boxes, self.person.box(self.time)))
+            return self._near_boxes
+        return np.vstack((self._near_boxes, self.person.box(self.time)))
 
     def _move_person(self):
         x, y, z, yaw = self.person.box(self.time + self.settings.physics_step)[:4]
@@ -165,19 +168,29 @@ class Simulator:
     def _note(self, name, depth):
         self._contacts[name] = max(depth, self._contacts.get(name, 0.0))
 
+    def _populate_when_due(self):
+        if self._populated_at is not None:
+            x, y = self.chair.pose[0] - self._populated_at[0], self.chair.pose[1] - self._populated_at[1]
+            if x * x + y * y > REFRESH * REFRESH:
+                self._populate()
+
     def _populate(self):
-        """Bring the boxes near the chair into physics, and take far ones out: few bodies keep a step short."""
+        """Choose what physics and sensors hold: all of a small world, the neighbourhood of a large one."""
         boxes, names = self.world.boxes, self.world.names
-        wanted = (boxes[:, 2] - boxes[:, 6] < outlines.HIGH) & (boxes[:, 2] + boxes[:, 6] > outlines.LOW)
+        touchable = (boxes[:, 2] - boxes[:, 6] < outlines.HIGH) & (boxes[:, 2] + boxes[:, 6] > outlines.LOW)
+        self._near_boxes, self._shapes, self._populated_at = boxes, self._all_shapes, None
         if len(boxes) > ALL_AT_ONCE:
-            away = np.hypot(boxes[:, 0] - self.chair.pose[0], boxes[:, 1] - self.chair.pose[1])
-            wanted &= away - np.hypot(boxes[:, 4], boxes[:, 5]) < NEAR + REFRESH
-            self._populated_at = self.chair.pose[:2].copy()
-        for index in [index for index in self._bodies if not wanted[index]]:
+            place = self.chair.pose[:2].copy()
+            away = np.hypot(boxes[:, 0] - place[0], boxes[:, 1] - place[1]) - np.hypot(boxes[:, 4], boxes[:, 5])
+            self._near_boxes = boxes[away < self._visible + REFRESH]
+            self._shapes = outlines.near(self._all_shapes, place, CLEARANCE_CAP + 2.0 + REFRESH)
+            touchable &= away < TOUCHABLE + REFRESH
+            self._populated_at = place
+        for index in [index for index in self._bodies if not touchable[index]]:
             body = self._bodies.pop(index)
             del self._names[body]
             pybullet.removeBody(body, physicsClientId=self._client)
-        for index in np.nonzero(wanted)[0]:
+        for index in np.nonzero(touchable)[0]:
             if int(index) not in self._bodies:
                 body = self._add_box(boxes[index], mask=CHAIR_MASK)
                 self._bodies[int(index)] = body

@@ -44,7 +44,7 @@ class World(NamedTuple):
 
     ``boxes`` (n, 7): centre x, y, z, yaw, half sizes x, y, z [m, rad]; ``meshes``: tuple of
     (vertices (k, 3) [m], triangles (m, 3) int); ``names``: one for every box, then one for every mesh;
-    ``floor`` is known for worlds made from a map only.
+    ``floor`` is known for worlds made from a map only; ``left_out`` says what of the file is missing here.
     """
 
     boxes: np.ndarray
@@ -53,6 +53,7 @@ class World(NamedTuple):
     name: str = "world"
     names: Tuple = ()
     floor: Optional[FloorMap] = None
+    left_out: Tuple = ()
 
 
 def box(x, y, z, yaw, length, width, height):

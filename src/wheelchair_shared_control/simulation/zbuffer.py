@@ -4,7 +4,10 @@ import numpy as np
 from numba import njit
 
 NEAR = 0.05  # m: what is nearer to the camera's plane is cut off
+_RAYS_PER_PIXEL = 2.0  # of the level fan that finds out which boxes hide behind walls
 _EDGE = 1e-3  # pixels by which faces overlap, so that no crack opens between two that share an edge
+
+_WORTH_CULLING = 40  # boxes
 
 # Corners of a unit box, and its faces as corners in order round the face, with outward normals.
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -22,9 +25,12 @@ def render(boxes, camera, world_from_camera, max_depth=np.inf, floor=True, out=N
     shape = (camera.height, camera.width)
     inverse, plane = out if out is not None else (np.empty(shape, np.float32), np.empty(shape, np.float32))
     lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    _render(np.ascontiguousarray(boxes, dtype=np.float64), lens,
-            np.ascontiguousarray(world_from_camera, dtype=np.float64), min(float(max_depth), 1e6), floor, inverse,
-            plane, _CORNERS, _FACES, _NORMALS)
+    boxes = np.ascontiguousarray(boxes, dtype=np.float64)
+    pose = np.ascontiguousarray(world_from_camera, dtype=np.float64)
+    limit = min(float(max_depth), 1e6)
+    if len(boxes) > _WORTH_CULLING:
+        boxes = boxes[_in_sight(boxes, lens, inverse.shape, pose, limit)]
+    _render(boxes, lens, pose, limit, floor, inverse, plane, _CORNERS, _FACES, _NORMALS)
     return inverse, plane
 
 
@@ -89,6 +95,94 @@ def _render(boxes, lens, pose, max_depth, floor, inverse, plane, unit, faces, no
             my = pose[0, 1] * wx + pose[1, 1] * wy + pose[2, 1] * wz
             mz = pose[0, 2] * wx + pose[1, 2] * wy + pose[2, 2] * wz
             _fill_face(clipped, count, mx, my, mz, distance, lens, pixels, low, high, inverse, plane)
+
+
+@njit(cache=True)
+def _in_sight(boxes, lens, shape, pose, max_depth):
+    """Which boxes (n,) bool are not wholly behind walls that reach from the floor to above the view.
+
+    A map's wall is hundreds of boxes, one behind the other. A level fan of rays, finer than the pixels, finds
+    the nearest wall in each direction; a box nearer than that in no direction of its own is not drawn.
+    """
+    n = len(boxes)
+    seen = np.ones(n, np.bool_)
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    ahead = np.hypot(pose[0, 2], pose[1, 2])
+    if ahead < 0.5:
+        return seen  # looks up or down: no level fan
+    ex, ey = pose[0, 2] / ahead, pose[1, 2] / ahead
+    # the view's widest and highest directions are those of its corners
+    widest, highest = 0.0, 0.0
+    for u in (0.0, shape[1] - 1.0):
+        for v in (0.0, shape[0] - 1.0):
+            x, y = (u - cx) / fx, (v - cy) / fy
+            dx = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2]
+            dy = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2]
+            dz = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2]
+            forward, left = ex * dx + ey * dy, -ey * dx + ex * dy
+            if forward < 0.2:
+                return seen
+            widest = max(widest, abs(left / forward))
+            highest = max(highest, dz / np.hypot(dx, dy))
+    widest += 0.02
+    count = int(np.ceil(2.0 * widest * fx * _RAYS_PER_PIXEL)) + 1
+    per = (count - 1) / (2.0 * widest)
+    nearest = np.zeros(count)  # inverse distance ahead
+    reach = 1.5 * max_depth
+    top = pose[2, 3] + max(0.0, highest) * min(reach, 100.0)
+    low, high, close = np.empty(n), np.empty(n), np.empty(n)
+    px, py = np.empty(4), np.empty(4)
+    for b in range(n):
+        c, s = np.cos(boxes[b, 3]), np.sin(boxes[b, 3])
+        wx, wy = boxes[b, 0] - pose[0, 3], boxes[b, 1] - pose[1, 3]
+        hx, hy = boxes[b, 4], boxes[b, 5]
+        least, most = 1e300, -1e300
+        low[b], high[b] = 1e300, -1e300
+        for k in range(4):
+            ux = hx if k == 0 or k == 3 else -hx
+            uy = hy if k < 2 else -hy
+            x, y = wx + c * ux - s * uy, wy + s * ux + c * uy
+            px[k], py[k] = ex * x + ey * y, -ey * x + ex * y
+            least, most = min(least, px[k]), max(most, px[k])
+        close[b] = 1e300
+        if least <= NEAR:
+            seen[b] = most > NEAR
+            continue  # beside or around the camera: neither hides nor is hidden
+        for k in range(4):
+            t = py[k] / px[k]
+            low[b], high[b] = min(low[b], t), max(high[b], t)
+        if low[b] > widest or high[b] < -widest or least > reach:
+            seen[b] = False
+            continue
+        close[b] = 1.0 / least
+        if boxes[b, 2] - boxes[b, 6] > 1e-6 or boxes[b, 2] + boxes[b, 6] < top:
+            continue
+        for k in range(4):
+            j = (k + 1) % 4
+            # corners go counter-clockwise: an edge faces the camera where it is passed the other way round
+            if px[k] * py[j] - py[k] * px[j] >= 0.0:
+                continue
+            ta, tb = py[k] / px[k], py[j] / px[j]
+            ia, ib = 1.0 / px[k], 1.0 / px[j]
+            if ta > tb:
+                ta, tb, ia, ib = tb, ta, ib, ia
+            first = max(0, int(np.ceil((ta + widest) * per - 1e-9)))
+            last = min(count - 1, int(np.floor((tb + widest) * per + 1e-9)))
+            slope = (ib - ia) / (tb - ta) if tb > ta else 0.0
+            for r in range(first, last + 1):
+                nearest[r] = max(nearest[r], ia + slope * (r / per - widest - ta))
+    for b in range(n):
+        if not seen[b] or close[b] == 1e300:
+            continue
+        first = max(0, int(np.floor((low[b] + widest) * per)))
+        last = min(count - 1, int(np.ceil((high[b] + widest) * per)))
+        hidden = first <= last
+        for r in range(first, last + 1):
+            if nearest[r] <= close[b] * (1.0 + 1e-9):
+                hidden = False
+                break
+        seen[b] = not hidden
+    return seen
 
 
 @njit(cache=True)
