@@ -1,4 +1,6 @@
 """Figures of a crossing: the track over the scene, and who steered (after the paper's Fig. 5)."""
+import io
+
 import matplotlib
 
 matplotlib.use("Agg")
@@ -7,8 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Polygon
 
+from wheelchair_shared_control import command_line, se2
 from wheelchair_shared_control import footprint as footprints
-from wheelchair_shared_control import se2
 from wheelchair_shared_control.experiments import metrics
 
 USER, PLANNER, SENT, WALL = "#3b6fb6", "#d9822b", "#2c2c2c", "#6b6b6b"
@@ -32,6 +34,14 @@ def crossing(log, world, door, footprint, title):
     figure.suptitle(title, x=0.02, ha="left", fontsize=11)
     figure.subplots_adjust(left=0.06, right=0.985, top=0.92, bottom=0.09)
     return figure
+
+
+def save(figure, path):
+    """Write a figure as PNG, wholly or not at all; closes it. Raises OutputError."""
+    content = io.BytesIO()
+    figure.savefig(content, format="png")
+    plt.close(figure)
+    command_line.write_atomically(path, content.getvalue())
 
 
 def top_view(axes, log, world, door, footprint, every=0.7):

@@ -9,6 +9,7 @@ import numpy as np
 
 from wheelchair_shared_control import se2
 from wheelchair_shared_control.experiments.statistics import wilson
+from wheelchair_shared_control.guard import STOPPED
 
 PHASES = ("approach", "doorway", "exit")
 STICK_DEAD_ZONE = 0.02  # m/s and rad/s: the stick counts as at rest below
@@ -95,6 +96,11 @@ def shares(log, footprint):
     result = {"all": mean_or_none(share)}
     result.update({name: mean_or_none(share[phase == index]) for index, name in enumerate(PHASES)})
     return result
+
+
+def was_stopped(blended, guard):
+    """Whether guard or fault held the chair in a tick: the guard stopped it, or there was no command to blend."""
+    return guard == STOPPED or not np.isfinite(blended).all()
 
 
 def path_length(log):

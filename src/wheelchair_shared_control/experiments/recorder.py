@@ -1,8 +1,29 @@
 """Collects the ticks of an episode into a log, in-process and in ROS alike."""
+from typing import NamedTuple
+
 import numpy as np
 
 from wheelchair_shared_control import se2
 from wheelchair_shared_control.experiments import metrics
+
+
+class Tick(NamedTuple):
+    """What the log keeps of a tick of the blender: those fields of ``shared_control.State``."""
+
+    user: tuple
+    planner: tuple
+    blended: tuple
+    sent: tuple
+    d_l: float
+    d_f: float
+    d_r: float
+    v: float
+    sigma_l: float
+    sigma_r: float
+    beta: float
+    guard: int
+    stopped: bool
+    assisting: bool
 
 
 class Recorder:
@@ -15,7 +36,8 @@ class Recorder:
     def add(self, truth, state, clearance):
         """Add a tick.
 
-        ``truth`` is ``Odometry`` in world, ``state`` is ``shared_control.State``, ``clearance`` [m] the true one.
+        ``truth`` is ``Odometry`` in world, ``state`` is a ``shared_control.State`` or a ``Tick``, ``clearance`` [m] the
+        true one.
         """
         self._rows.append(
             (
