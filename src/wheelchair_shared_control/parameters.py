@@ -124,7 +124,7 @@ def load(group, given=None, source=""):
     missing = [key for key in rows if key not in flat]
     if missing:
         raise ParameterError("%s: parameter '%s' is missing" % (where, missing[0]))
-    return Settings(group, {key: _checked(rows[key], flat[key], where) for key in rows})
+    return Settings(group, {key: _checked(rows[key], flat[key], where, key) for key in rows})
 
 
 def load_or_exit(group, given, who):
@@ -191,12 +191,12 @@ def _nest(flat):
     return nested
 
 
-def _checked(row, value, where):
+def _checked(row, value, where, key):
     """``value`` in the type of its row; raises ParameterError with key, value and limit."""
 
     def refuse(limit):
         unit = " " + row.unit if row.unit else ""
-        raise ParameterError("%s: parameter '%s' is %r, but must be %s%s" % (where, row.name, value, limit, unit))
+        raise ParameterError("%s: parameter '%s' is %r, but must be %s%s" % (where, key, value, limit, unit))
 
     if row.kind is float:
         # YAML 1.1 reads 1e-3 as a string; ROS users write it all the same.
