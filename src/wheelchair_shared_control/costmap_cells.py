@@ -108,6 +108,13 @@ def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes
                     if gained > 0.0 and _noise_of_what_is_behind(hits, row, column, dx, dy, distance, resolution):
                         gained = 0.0
                         n_hits = 0
+                    elif gained > 0.0 and clearing and _beside_more(hits, row, column):
+                        through, blocked = _look_at_heights(
+                            bands[row, column], depth, intrinsics, camera_from_odom, x, y, min_height,
+                            resolution, raytrace_range)
+                        if blocked == 0 and through != 0:
+                            gained = 0.0
+                            n_hits = 0
                 if n_drops > 0 and n_drops > n_floor:
                     ground = face * cz / max(distance, 0.3)
                     strength = 0.0
@@ -132,21 +139,8 @@ def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes
                     known[row, column] = SEEN
                 continue
             # something is remembered here, and nothing was hit: look at its heights
-            through = np.uint16(0)
-            blocked = np.uint16(0)
-            for band in range(BANDS):
-                bit = np.uint16(1 << band)
-                if m & bit:
-                    # a band may be filled in part, as by the lower end of a lamp: it is empty if both ends are
-                    z = min_height + band * BAND_HEIGHT
-                    low = look(depth, intrinsics, camera_from_odom, x, y, z + 0.2 * BAND_HEIGHT,
-                               0.5 * resolution, raytrace_range)
-                    high = look(depth, intrinsics, camera_from_odom, x, y, z + 0.8 * BAND_HEIGHT,
-                                0.5 * resolution, raytrace_range)
-                    if low == BLOCKED or high == BLOCKED:
-                        blocked |= bit
-                    elif low == THROUGH and high == THROUGH:
-                        through |= bit
+            through, blocked = _look_at_heights(
+                m, depth, intrinsics, camera_from_odom, x, y, min_height, resolution, raytrace_range)
             erased = contradicted(m, through, blocked)
             if m & DROP and n_floor > 0 and n_drops == 0:
                 erased |= DROP
@@ -160,6 +154,37 @@ def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes
                     seen[row, column] = 0.0
             else:
                 mask[row, column] = m & ~erased
+
+
+@numba.njit(cache=True, nogil=True)
+def _look_at_heights(mask, depth, intrinsics, camera_from_odom, x, y, min_height, resolution, reach):
+    """At which heights of ``mask`` the camera looks through the cell at (x, y), and at which it is blocked."""
+    through = np.uint16(0)
+    blocked = np.uint16(0)
+    half = 0.5 * resolution
+    for band in range(BANDS):
+        bit = np.uint16(1 << band)
+        if mask & bit:
+            # a band may be filled in part, as by the lower end of a lamp: it is empty if both ends are
+            z = min_height + band * BAND_HEIGHT
+            low = look(depth, intrinsics, camera_from_odom, x, y, z + 0.2 * BAND_HEIGHT, half, reach)
+            high = look(depth, intrinsics, camera_from_odom, x, y, z + 0.8 * BAND_HEIGHT, half, reach)
+            if low == BLOCKED or high == BLOCKED:
+                blocked |= bit
+            elif low == THROUGH and high == THROUGH:
+                through |= bit
+    return through, blocked
+
+
+@numba.njit(cache=True, nogil=True)
+def _beside_more(hits, row, column):
+    """Whether an adjacent cell was hit at least twice as often: this one may hold only a sliver of it."""
+    few = 2 * hits[row, column]
+    for r in range(max(row - 1, 0), min(row + 2, hits.shape[0])):
+        for c in range(max(column - 1, 0), min(column + 2, hits.shape[1])):
+            if hits[r, c] >= few:
+                return True
+    return False
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
