@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from wheelchair_shared_control.planning.clearance import clearance, known_at
+from wheelchair_shared_control.planning.clearance import FAST, clearance, known_at
 
 DT = 0.05
 TURN_ON_SPOT = 0.012  # m a step: below, the step is a turn on the spot
@@ -24,7 +24,7 @@ class Plant(NamedTuple):
     turn_acceleration: float
 
 
-@njit(cache=True)
+@njit(**FAST)
 def _advance(state, v_target, w_target, lag, acc, turn_acc, dt):
     """One step of the chair's state (5,) x, y, yaw, v, w towards a target."""
     gain = 1.0 - np.exp(-dt / lag) if lag > 1e-6 else 1.0
@@ -41,7 +41,7 @@ def _advance(state, v_target, w_target, lag, acc, turn_acc, dt):
     state[4] += dw
 
 
-@njit(cache=True)
+@njit(**FAST)
 def predict(state, targets, lag, acc, turn_acc, dt):
     """State (5,) after the ``targets`` (n, 2), each lasting ``dt``."""
     out = state.copy()
@@ -50,7 +50,7 @@ def predict(state, targets, lag, acc, turn_acc, dt):
     return out
 
 
-@njit(cache=True)
+@njit(**FAST)
 def rollouts(distance, frame, outline, spine, half_width, reach, middle, state, commands, last, n_steps,
              hold, lag, acc, turn_acc, dt):
     """Drive each command (n, 2) for ``hold`` steps and then brake.
@@ -81,7 +81,7 @@ def rollouts(distance, frame, outline, spine, half_width, reach, middle, state, 
     return poses, least
 
 
-@njit(cache=True)
+@njit(**FAST)
 def project(pose, poses, kinds, first):
     """Step index and fraction where ``pose`` stands on the path, not before step ``first``.
 
@@ -125,7 +125,7 @@ def project(pose, poses, kinds, first):
         k = last + 1
 
 
-@njit(cache=True)
+@njit(**FAST)
 def speeds(steps, kinds, clear, seen, at_contact, per_clearance, in_unknown, v_max, v_back, w_max, acc, turn_acc):
     """Rate (n,) [1/s] at which each step is driven: its speeds are steps * rate.
 
@@ -162,7 +162,7 @@ def speeds(steps, kinds, clear, seen, at_contact, per_clearance, in_unknown, v_m
     return rate
 
 
-@njit(cache=True)
+@njit(**FAST)
 def seen_ahead(known, frame, poses, front, half_width):
     """Whether the ground under the front edge is known, for each pose (n, 3)."""
     out = np.ones(poses.shape[0], dtype=np.bool_)

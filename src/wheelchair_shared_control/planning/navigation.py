@@ -16,6 +16,7 @@ from wheelchair_shared_control.values import STOP, Twist
 
 IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person is driving forward
+SLICE = 500  # states expanded in one cycle
 EMPTY = np.zeros((0, 3))
 
 
@@ -72,6 +73,7 @@ class Navigator:
         self._recovered = False
         self._anchor = None
         self._no_path = ""
+        self._searching = False
 
     # --- goals -------------------------------------------------------------------------------------------
     def set_goal(self, goal_odom, now):
@@ -119,7 +121,8 @@ class Navigator:
             return self._abort("no progress of %.2f m within %.0f s" % (
                 self.settings.oscillation_distance, self.settings.oscillation_timeout))
         acting, anchor = self._predict(now, odometry, user_v)
-        path, reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING)
+        moving = -1 if abs(acting[3]) < 0.1 else (0 if acting[3] > 0.0 else 1)
+        path, reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING, moving)
         if path is None:
             return self._without_path(now, reason)
         command = self._follow(field, path)
@@ -225,7 +228,7 @@ class Navigator:
                                    plant.turn_acceleration, dt)
         return acting, anchor[:3].copy()
 
-    def _keep_path(self, now, field, anchor, allow_reverse):
+    def _keep_path(self, now, field, anchor, allow_reverse, moving):
         """(the way from ``anchor`` on, "") along the path that is kept or newly found, or (None, reason).
 
         The path found by the search stays the reference: each cycle bends what remains of it for the present
@@ -236,21 +239,36 @@ class Navigator:
             way, deviation, turned = self._remaining(field, anchor)
             blocked = (self.planner.blocked(way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
                        or (not allow_reverse and bool(np.any(way.kinds < 0))))
-        period = 0.25 if blocked else 1.0 / self.settings.planner_frequency
-        if now - self._searched_at >= period:
-            self._searched_at = now
-            new, _, self._no_path = self.planner.plan(field, anchor, self.goal, allow_reverse)
-            if new is not None:
-                old_price = np.inf if blocked else self.planner.price(field, anchor, way.steps, way.kinds)
-                if self.planner.price(field, anchor, new.steps, new.kinds) < 0.8 * old_price - 0.5:
-                    self._path, self._step = new, 0
-                    way, blocked = new, False
-            elif blocked:
-                self._path = None
-        if self._path is None:
-            return None, self._no_path or "no path"
+        if not self._searching and now - self._searched_at >= (0.2 if blocked else 1.0 / self.settings.planner_frequency):
+            self._searched_at, self._searching = now, True
+            self.planner.begin(field, anchor, self.goal, allow_reverse, moving)
+        if self._searching:
+            done = self.planner.go_on(SLICE)
+            if done is not None:
+                self._searching = False
+                new, self._no_path = done
+                if new is None:
+                    if blocked:
+                        self._path = way = None
+                else:
+                    way, blocked = self._better(field, anchor, new, way, blocked)
+        if way is None:
+            return None, self._no_path or "looking for a path"
         self._since_path = None
         return way, ""
+
+    def _better(self, field, anchor, new, way, blocked):
+        """The new path, or the one that is driven where the new one is not clearly better."""
+        old_path, old_step = self._path, self._step
+        self._path, self._step = new, 0
+        new_way, deviation, turned = self._remaining(field, anchor)
+        new_blocked = self.planner.blocked(new_way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
+        old_price = np.inf if blocked else self.planner.price(field, anchor, way.steps, way.kinds)
+        new_price = self.planner.price(field, anchor, new_way.steps, new_way.kinds)
+        if new_price < 0.85 * old_price - 0.5 and not (new_blocked and not blocked):
+            return new_way, new_blocked
+        self._path, self._step = old_path, old_step
+        return way, blocked
 
     def _remaining(self, field, anchor):
         """What is left of the path, bent to start at ``anchor``; and the distance [m, rad] from the path."""
@@ -314,7 +332,9 @@ class Navigator:
             field.distance, field.frame, *self.planner.body, acting, commands, path.poses[-1], n, hold,
             plant.lag, plant.acceleration, plant.turn_acceleration, following.DT)
         here = float(self.planner.clearance(field, acting[None, :3])[0])
-        floor = min(self.settings.planner.min_clearance, here - 0.0005)
+        # Not much closer than the way ahead has to be: a wide door is not passed with a hair's breadth.
+        planned = 0.5 * float(np.min(path.clear[:12]))
+        floor = min(max(self.settings.planner.min_clearance, min(planned, 0.05)), here - 0.0005)
         for k in range(len(commands)):
             if least[k] >= floor:
                 if abs(commands[k, 0]) < 0.005 and abs(commands[k, 1]) < 0.01:

@@ -13,6 +13,7 @@ from wheelchair_shared_control.planning import clearance, refinement, search
 from wheelchair_shared_control.planning.following import kinds_of, seen_ahead
 
 SLIMMER = 0.04
+SLIM_FLOOR = -0.03
 # comfortable [m], near [m], then weights: spine, outline, near, pose xy, pose yaw, end xy, end yaw,
 # change of ds, change of dtheta, bending.
 REFINEMENT = np.array([0.30, 0.05, 40.0, 30.0, 60.0, 0.3, 0.05, 40.0, 20.0, 300.0, 1.0, 0.15])
@@ -36,8 +37,10 @@ class Planner:
             footprints.from_settings(wheelchair), settings.local_costmap.footprint_padding)
         self.settings = settings.planner
         self.body = clearance.make_body(self.footprint)
-        self.slim = clearance.make_body(footprints.grown(self.footprint, -SLIMMER), 0.08)
-        self.search = search.PathSearch(self.body, self.footprint.rear, self.settings.max_expansions)
+        slim = clearance.make_body(footprints.grown(self.footprint, -SLIMMER), 0.08)
+        cap = self.settings.max_expansions
+        self._slim = search.PathSearch(slim, self.footprint.rear, SLIMMER, cap)
+        self._true = search.PathSearch(self.body, self.footprint.rear, 0.0, cap)
 
     def clearance(self, field, poses):
         """Clearance (n,) [m] of poses (n, 3)."""
@@ -50,7 +53,7 @@ class Planner:
     def price(self, field, start, steps, kinds):
         """Cost [s] of a path on the search's scale."""
         return search.price_of(field.distance, field.known, field.frame, *self.body, self.footprint.rear,
-                               np.asarray(start, dtype=float), steps, kinds, self.search.weights)
+                               np.asarray(start, dtype=float), steps, kinds, self._slim.weights)
 
     def refine(self, field, start, steps, kinds, targets, iterations):
         """Refined Path from ``start``; steps keep their kinds."""
@@ -70,33 +73,46 @@ class Planner:
         bad = np.flatnonzero(path.clear < floor)
         return int(bad[0]) if len(bad) else -1
 
-    def plan(self, field, start, goal, allow_reverse):
-        """(Path or None, cost, reason) from ``start`` (3,) to ``goal`` (3,)."""
+    def begin(self, field, start, goal, allow_reverse, moving=-1):
+        """Set up a plan from ``start`` (3,) to ``goal`` (3,); ``go_on`` then works on it."""
         allow_reverse = allow_reverse and self.settings.min_vel_x < 0.0
-        goal = self._inside(field, np.asarray(goal, dtype=float))
-        floor = self.settings.min_clearance
-        reason = ""
-        for slim in (True, False):
-            # The shrunk outline's field values, less the shrinking, are the true clearance to within a cell.
-            self.search.body = self.slim if slim else self.body
-            found = self.search.find(
-                field, start, goal, 0.05, 0.1, allow_reverse, SLIMMER if slim else 0.0,
-                -0.03 if slim else floor)
-            if found.steps is None:
-                if found.exhausted:
-                    reason = "no way through for a chair of %.2f m" % self.footprint.width
-                    if slim:
-                        break
-                else:
-                    reason = "no path within %d states" % found.expansions
-                continue
-            if len(found.steps) == 0:
-                found = found._replace(steps=np.zeros((1, 2)))
+        self._task = (field, np.array(start, dtype=float), self._inside(field, np.asarray(goal, dtype=float)),
+                      allow_reverse, moving)
+        self._begin_search(self._slim, SLIM_FLOOR)
+
+    def _begin_search(self, which, floor):
+        field, start, goal, allow_reverse, moving = self._task
+        self._search = which
+        which.begin(field, start, goal, 0.05, 0.1, allow_reverse, floor, moving)
+
+    def go_on(self, cap):
+        """Work on the plan begun, expanding at most ``cap`` states: None while it goes on, else (Path or None, reason)."""
+        if not self._search.expand(cap):
+            return None
+        field, start, goal, _, _ = self._task
+        found = self._search.result()
+        slim = self._search is self._slim
+        if found.steps is not None:
             path = self._centred(field, start, goal, found.steps)
             if self.blocked(path) < 0:
-                return path, found.cost, ""
-            reason = "the gap is too narrow for a chair of %.2f m" % self.footprint.width
-        return None, np.inf, reason
+                return path, ""
+            reason = "the way is too narrow for a chair of %.2f m" % self.footprint.width
+        elif found.exhausted:
+            return None, "no way through for a chair of %.2f m" % self.footprint.width
+        else:
+            reason = "no path within %d states" % found.expansions
+        if not slim:
+            return None, reason
+        self._begin_search(self._true, self.settings.min_clearance)
+        return None
+
+    def plan(self, field, start, goal, allow_reverse, moving=-1):
+        """(Path or None, reason) from ``start`` (3,) to ``goal`` (3,), at once."""
+        self.begin(field, start, goal, allow_reverse, moving)
+        while True:
+            done = self.go_on(self.settings.max_expansions)
+            if done is not None:
+                return done
 
     def _centred(self, field, start, goal, steps):
         steps, kinds = resampled(steps, kinds_of(steps))

@@ -8,10 +8,10 @@ searched path overlaps a jamb.
 import numpy as np
 from numba import njit
 
-from wheelchair_shared_control.planning.clearance import field_gradient
+from wheelchair_shared_control.planning.clearance import FAST, field_gradient
 
 
-@njit(cache=True)
+@njit(**FAST)
 def _roll(start, steps, poses):
     poses[0] = start
     for k in range(steps.shape[0]):
@@ -24,7 +24,7 @@ def _roll(start, steps, poses):
         poses[k + 1, 2] = poses[k, 2] + dth
 
 
-@njit(cache=True)
+@njit(**FAST)
 def _stage(distance, frame, outline, spine, half_width, reach, middle, weights, pose, target, end, g, h):
     """Cost of one pose; adds gradient (3,) and Gauss-Newton Hessian (3, 3)."""
     comfortable, near, w_spine, w_outline, w_near, w_xy, w_yaw, w_end_xy, w_end_yaw, _, _, _ = weights
@@ -79,7 +79,7 @@ def _stage(distance, frame, outline, spine, half_width, reach, middle, weights, 
     return cost
 
 
-@njit(cache=True)
+@njit(**FAST)
 def _control_cost(steps, prior, weights):
     w_ds, w_dth, w_bend = weights[9], weights[10], weights[11]
     cost = 0.0
@@ -89,7 +89,7 @@ def _control_cost(steps, prior, weights):
     return cost
 
 
-@njit(cache=True)
+@njit(**FAST)
 def refine(distance, frame, outline, spine, half_width, reach, middle, weights, start, steps, targets, iterations):
     """Refined steps (n, 2), poses (n + 1, 3) and cost, from pose ``start`` along ``steps`` (n, 2).
 
