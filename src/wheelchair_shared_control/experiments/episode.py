@@ -1,13 +1,13 @@
 """One episode without ROS: from a start to its verdict, deterministic for a seed."""
 import numpy as np
 
-from wheelchair_shared_control import blending
+from wheelchair_shared_control import blending, se2
 from wheelchair_shared_control import footprint as footprints
 from wheelchair_shared_control.experiments import graph as graphs
 from wheelchair_shared_control.experiments import metrics, results
 from wheelchair_shared_control.experiments.recorder import Recorder
 from wheelchair_shared_control.experiments.referee import Referee, Verdict
-from wheelchair_shared_control.simulation import doors, scenes
+from wheelchair_shared_control.simulation import doors, person, scenes
 from wheelchair_shared_control.simulation.simulator import Simulator
 from wheelchair_shared_control.values import Twist
 
@@ -62,14 +62,27 @@ class Episode:
         """
         if self.setup.start is None:
             return results.not_driven(self.seed, Verdict("no_start", "no pose fits the rule for starts"))
-        person = None
+        walker = None
+        if self.options.person:
+            walker = self._person()
+            if walker is None:
+                return results.not_driven(self.seed, Verdict("no_start", "no person fits across the chair's way"))
         simulator = Simulator(
-            self.world, self.settings.simulator, self.seed, self.setup.start, self.options.camera, person
+            self.world, self.settings.simulator, self.seed, self.setup.start, self.options.camera, walker
         )
         try:
             return self._drive(simulator, watch)
         finally:
             simulator.close()
+
+    def _person(self):
+        """Who walks across the undisturbed motion of this episode, or None."""
+        alone = Episode(self.options._replace(person=False), self.seed, self.settings)
+        alone.run()
+        world_poses = se2.compose(self.door.pose, alone.log.truth)
+        trajectory = np.column_stack((alone.log.time, world_poses))
+        wheelchair = self.settings.navigation.wheelchair
+        return person.draw(trajectory, self.world, wheelchair, scenes.stream(self.seed, scenes.PERSON_STREAM))
 
     def _drive(self, simulator, watch):
         graph = graphs.Graph(self.options, self.setup, self.seed, self.settings, simulator)

@@ -1,5 +1,6 @@
 """Figures of a crossing: the track over the scene, and who steered (after the paper's Fig. 5)."""
 import io
+import textwrap
 
 import matplotlib
 
@@ -31,8 +32,8 @@ def crossing(log, world, door, footprint, title):
     for axes in (turn, share):
         axes.tick_params(labelbottom=False)
     clearances.set_xlabel("time [s]")
-    figure.suptitle(title, x=0.02, ha="left", fontsize=11)
-    figure.subplots_adjust(left=0.06, right=0.985, top=0.92, bottom=0.09)
+    figure.suptitle("\n".join(textwrap.wrap(title, 130)), x=0.02, ha="left", fontsize=10)
+    figure.subplots_adjust(left=0.06, right=0.985, top=0.88, bottom=0.09)
     return figure
 
 

@@ -48,6 +48,22 @@ def sentence(result):
     )
 
 
+def report(result):
+    """A few lines for people about one episode."""
+    if result["outcome"] == "no_start":
+        return sentence(result)
+    rows = [
+        ("outcome", "%s (%s)" % (result["outcome"], result["reason"])),
+        ("contacts", "1" if result["outcome"] == "contact" else "0"),
+        ("time", "%.1f s" % result["duration_s"]),
+        ("smallest clearance", _metres(result["min_clearance_m"])),
+    ] + [
+        ("user's share" if name == "all" else "  in the " + name, _percent(result["user_share"][name]))
+        for name in ("all",) + metrics.PHASES
+    ]
+    return "\n".join("%-20s %s" % row for row in rows)
+
+
 def table(summary):
     """A few lines for people about many episodes."""
     rate = summary["success_rate"]
