@@ -10,6 +10,7 @@ TABLE = [
     P("wheel_torque", float, "N m", 1.0, 500.0, "largest torque of one drive wheel"),
     P("odometry/scale_error", float, "", 0.0, 0.2, "standard deviation of the distance's scale, drawn per episode"),
     P("odometry/yaw_drift", float, "rad/m", 0.0, 0.2, "standard deviation of the yaw drift, drawn per episode"),
+    P("odometry/factor", float, "", 0.0, 10.0, "both odometry errors times this"),
     P("depth_noise/sigma_base", float, "m", 0.0, 0.5, "standard deviation of depth at sigma_from"),
     P("depth_noise/sigma_square", float, "1/m", 0.0, 0.5, "growth of it with the square of the depth"),
     P("depth_noise/sigma_from", float, "m", 0.0, 2.0, "depth from which it grows"),

@@ -39,7 +39,7 @@ class DepthNoise:
         return image
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "arcp", "nsz"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "arcp", "nsz"})
 def _measure(inverse, plane, lens, numbers, table, offsets, image):
     height, width = inverse.shape
     near, far, base, square, start = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
@@ -69,7 +69,7 @@ def _measure(inverse, plane, lens, numbers, table, offsets, image):
             target[u] = z if true <= far else nothing
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _blank_edges(inverse, plane, step, farthest, band, image):
     """NaN within ``band`` pixels on either side of a jump in depth between two different planes."""
     height, width = inverse.shape

@@ -64,12 +64,14 @@ def setup(description=None, seed=None, wheelchair=None):
     if s.start_pose:
         start = _pose("start_pose", s.start_pose)
     elif door is None:
-        raise SceneError("%s: no door to start before: give 'doors' or 'start_pose'" % (s.map or s.scene))
+        start = starts.somewhere(world, stream(s.seed, START_STREAM), footprint, shapes)
     elif s.map:
         start = starts.draw_real_start(world, door, stream(s.seed, START_STREAM), footprint, shapes)
     else:
         start = starts.draw_start(world, door, stream(s.seed, START_STREAM), *spans, footprint=footprint,
                                   shapes=shapes)
+    if s.clutter and door is None:
+        raise SceneError("%s: clutter is placed about a door, but there is none" % (s.map or s.scene))
     if s.clutter and start is not None:
         world = add_clutter(world, door, start, stream(s.seed, CLUTTER_STREAM), footprint)
     return Setup(world, door, start)

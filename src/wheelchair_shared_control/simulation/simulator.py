@@ -1,13 +1,16 @@
 """The simulator: one chair in one world, by plain calls; the same seed and commands give the same bits."""
 from collections import OrderedDict
+from typing import NamedTuple
 
 import numpy as np
 
 from wheelchair_shared_control import footprint as footprints
+from wheelchair_shared_control import se2
 from wheelchair_shared_control.simulation import outlines, scenes
 from wheelchair_shared_control.simulation.engine import pybullet
 from wheelchair_shared_control.simulation.sensors import DepthCamera, Rangers
 from wheelchair_shared_control.simulation.wheelchair import Wheelchair
+from wheelchair_shared_control.simulation.world import SceneError
 from wheelchair_shared_control.values import Depth, Odometry, Ranges
 
 WORLD_GROUP, FLOOR_GROUP = 1, 2
@@ -16,6 +19,17 @@ ALL_AT_ONCE = 150  # boxes: worlds up to this size are held as a whole
 REFRESH = 1.0      # m: of larger ones the neighbourhood, chosen anew after this way
 CLEARANCE_CAP = 5.0  # m
 TOUCHABLE = 1.5    # m from base_link: what physics must hold
+
+
+class Touch(NamedTuple):
+    """The chair met ``name`` at ``time`` [s], driving at ``v``, ``w``; ``place`` (2,) [m] in base_link."""
+
+    time: float
+    name: str
+    depth: float
+    v: float
+    w: float
+    place: np.ndarray
 
 
 class Simulator:
@@ -62,7 +76,7 @@ class Simulator:
         self._depth_camera = DepthCamera(self.settings, noise[1], self._size, self._caster)
         self._rangers = Rangers(self.settings, noise[2], self._caster)
         self._person_body = None if self.person is None else self._add_box(self.person.box(0.0), mask=0)
-        self._steps, self._asked, self._contacts = 0, 0.0, {}
+        self._steps, self._asked, self._contacts, self.touches = 0, 0.0, {}, []
         self.chair.restart(self._start)
         self._populate()
 
@@ -107,6 +121,11 @@ class Simulator:
             self.chair.after_step()
             self._note_contacts()
 
+    def joints(self, since):
+        """Angles [rad] of wheels and castors by the URDF's names; castors turn with the motion of ``since`` [s]."""
+        self.chair.roll_castors(since)
+        return self.chair.joints()
+
     def truth(self):
         """True pose in the world and velocity in the body frame."""
         return Odometry(self.time, self.chair.pose.copy(), self.chair.twist())
@@ -140,8 +159,14 @@ class Simulator:
         return float(distance)
 
     def set_pose(self, pose):
-        """Set the chair down at rest at ``pose`` (3,) in the world; its odometry does not notice."""
-        self.chair.place(np.asarray(pose, dtype=float))
+        """Set the chair down at rest at ``pose`` (3,) in the world; its odometry does not notice.
+
+        Raises SceneError for a pose that is not finite.
+        """
+        pose = np.asarray(pose, dtype=float)
+        if not np.all(np.isfinite(pose)):
+            raise SceneError("pose (%g, %g, %g) is not finite" % tuple(pose))
+        self.chair.place(pose)
         self._contacts = {}
         self._populate()
 
@@ -159,13 +184,16 @@ class Simulator:
     def _note_contacts(self):
         for point in pybullet.getContactPoints(self.chair.identity, linkIndexA=-1, physicsClientId=self._client):
             if point[8] <= 0.0:
-                self._note(self._names[point[2]], -point[8])
+                self._note(self._names[point[2]], -point[8], point[5])
         if self._person_body is not None:
             for point in pybullet.getClosestPoints(self.chair.identity, self._person_body, 0.0, -1, -1,
                                                    physicsClientId=self._client):
-                self._note("person", -point[8])
+                self._note("person", -point[8], point[5])
 
-    def _note(self, name, depth):
+    def _note(self, name, depth, where):
+        if name not in self._contacts:
+            place = se2.transform_points(se2.inverse(self.chair.pose), np.array([where[:2]]))[0]
+            self.touches.append(Touch(self.time, name, depth, *self.chair.twist(), place))
         self._contacts[name] = max(depth, self._contacts.get(name, 0.0))
 
     def _populate_when_due(self):

@@ -57,6 +57,33 @@ def draw_real_start(world, door, rng, footprint=footprints.Footprint(1.05, 0.65,
     return None
 
 
+def somewhere(world, rng, footprint=footprints.Footprint(1.05, 0.65, 0.35), shapes=None):
+    """A free pose (3,) in a world without doors, or None: the origin, else a draw with room all round."""
+    shapes = outlines.from_world(world) if shapes is None else shapes
+    grown = footprints.grown(footprint, REAL_MARGIN)
+    pose, known = np.zeros(3), world.floor
+    if known is not None:
+        rows, columns = np.nonzero(known.free)
+        if len(rows) == 0:
+            return None
+    elif len(shapes.counts):
+        valid = shapes.vertices.reshape(-1, 2)
+        low, high = valid.min(axis=0), valid.max(axis=0)
+    for _ in range(TRIES):
+        free = outlines.clearance(shapes, footprints.corners(footprint, pose)) > REAL_MARGIN
+        if free and (known is None or np.all(is_free(known, _filled(grown, pose, known.resolution / 2.0)))):
+            return pose
+        yaw = rng.uniform(-np.pi, np.pi)
+        if known is not None:
+            cell = rng.integers(len(rows))
+            place = se2.transform_points(known.origin, np.array([[columns[cell] + 0.5, rows[cell] + 0.5]])
+                                         * known.resolution)[0]
+        else:
+            place = rng.uniform(low, high)
+        pose = np.array([place[0], place[1], yaw])
+    return None
+
+
 def _filled(footprint, pose, step):
     """Points (n, 2) that fill a footprint, at most ``step`` apart."""
     x = np.linspace(footprint.rear, footprint.front, int(np.ceil(footprint.length / step)) + 1)

@@ -20,7 +20,7 @@ from wheelchair_shared_control.values import Odometry, Twist
 
 URDF = "urdf/wheelchair.urdf"
 CASTOR_FRICTION = 0.01
-SIDES = ("left", "right")
+CASTOR_TRAIL = 0.05  # m, of the castors that are seen
 
 
 class Body(NamedTuple):
@@ -83,8 +83,9 @@ class Wheelchair:
         self._chair = settings.wheelchair
         self.footprint = footprints.from_settings(self._chair)
         self.body = body = read_body()
-        self._scale = 1.0 + settings.odometry.scale_error * rng.standard_normal()
-        self._drift = settings.odometry.yaw_drift * rng.standard_normal()
+        errors = settings.odometry
+        self._scale = 1.0 + errors.factor * errors.scale_error * rng.standard_normal()
+        self._drift = errors.factor * errors.yaw_drift * rng.standard_normal()
         self.identity = self._create(body)
         self._lag_gain = 1.0
         if self._chair.actuation.lag > 0.0:
@@ -148,7 +149,7 @@ class Wheelchair:
         for joint in (0, 1):
             pybullet.resetJointState(self.identity, joint, 0.0, 0.0, physicsClientId=self._client)
         self._angles = (0.0, 0.0)
-        self.wheel_angles = [0.0, 0.0]
+        self.wheel_angles, self.castor_angles = [0.0, 0.0], [0.0, 0.0, 0.0, 0.0]
         self._read()
 
     def command(self, now, v, w):
@@ -211,6 +212,25 @@ class Wheelchair:
         linear, angular = pybullet.getBaseVelocity(self.identity, physicsClientId=self._client)
         yaw = self.pose[2]
         return Twist(math.cos(yaw) * linear[0] + math.sin(yaw) * linear[1], angular[2])
+
+    def roll_castors(self, dt):
+        """Turn the castors, for the eye only, as ``dt`` [s] of the present motion turns them."""
+        v, w = self.twist()
+        for index, side in enumerate((1.0, -1.0)):
+            x, y = v - w * side * self.body.castor_y, w * self.body.castor_x
+            swivel = self.castor_angles[index]
+            along = x * math.cos(swivel) + y * math.sin(swivel)
+            across = y * math.cos(swivel) - x * math.sin(swivel)
+            self.castor_angles[index] = math.atan2(
+                math.sin(swivel + dt * (across / CASTOR_TRAIL - w)), math.cos(swivel + dt * (across / CASTOR_TRAIL - w)))
+            self.castor_angles[index + 2] += dt * along / self.body.castor_radius
+
+    def joints(self):
+        """Angles [rad] of the URDF's joints by name."""
+        left, right = self.castor_angles[:2]
+        return {"wheel_left_joint": self.wheel_angles[0], "wheel_right_joint": self.wheel_angles[1],
+                "castor_left_swivel_joint": left, "castor_right_swivel_joint": right,
+                "castor_left_joint": self.castor_angles[2], "castor_right_joint": self.castor_angles[3]}
 
     def odometry(self, now):
         """What the wheels' encoders say: scale error and yaw drift included; starts at zero."""

@@ -41,7 +41,7 @@ def render_boxes(boxes, camera, world_from_camera, floor=True):
         return np.float32(1.0) / inverse
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _render(boxes, lens, pose, max_depth, floor, inverse, plane, unit, faces, normals):
     height, width = inverse.shape
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
@@ -97,7 +97,7 @@ def _render(boxes, lens, pose, max_depth, floor, inverse, plane, unit, faces, no
             _fill_face(clipped, count, mx, my, mz, distance, lens, pixels, low, high, inverse, plane)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _in_sight(boxes, lens, shape, pose, max_depth):
     """Which boxes (n,) bool are not wholly behind walls that reach from the floor to above the view.
 
@@ -185,7 +185,7 @@ def _in_sight(boxes, lens, shape, pose, max_depth):
     return seen
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _fill_floor(inverse, plane, lens, pose, floor):
     height, width = inverse.shape
     if not floor or pose[2, 3] <= 0.0:
@@ -205,7 +205,7 @@ def _fill_floor(inverse, plane, lens, pose, floor):
     plane[:] = pose[2, 3]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _clip_near(polygon, count, clipped):
     """Cut a polygon (k, 3) at z = NEAR; returns the number of points kept in ``clipped``."""
     kept = 0
@@ -224,7 +224,7 @@ def _clip_near(polygon, count, clipped):
     return kept
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _fill_face(clipped, count, nx, ny, nz, distance, lens, pixels, low, high, inverse, plane):
     """Draw a convex polygon of the plane ``n . p = -distance`` (camera frame) where it is nearest."""
     height, width = inverse.shape
