@@ -315,8 +315,12 @@ class Navigator:
         """The command within the acceleration limits from the last one."""
         dt = 1.0 / self.settings.controller_frequency
         v0, w0 = self._sent[-1][1:] if self._sent else (0.0, 0.0)
-        v = v0 + min(max(v - v0, -self.acc * dt), self.acc * dt)
+        w_wanted = w
         w = w0 + min(max(w - w0, -self.turn_acc * dt), self.turn_acc * dt)
+        if abs(w_wanted) > 0.05 and v != 0.0:
+            # The bend of the path is kept: while the turn rate still builds up, the chair goes slower.
+            v *= min(max(w / w_wanted, 0.3), 1.0)
+        v = v0 + min(max(v - v0, -self.acc * dt), self.acc * dt)
         return Twist(float(v), float(min(max(w, -self.w_max), self.w_max)))
 
     def _legal(self, field, acting, command, path):
