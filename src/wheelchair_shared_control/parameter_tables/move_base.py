@@ -46,6 +46,7 @@ TABLE += [
     P("oscillation_timeout", float, "s", 0.0, 60.0, "without progress by the distance: then abort; 0: never"),
     P("oscillation_distance", float, "m", 0.01, 5.0, "motion that counts as progress (a turn: of the outer corner)"),
     P("recovery_behavior_enabled", bool, "", None, None, "clear the costmap out of the footprint's reach"),
+    P("recovery_radius", float, "m", 0.1, 10.0, "farther than this from base_link the costmap is cleared"),
     P("costmap_timeout", float, "s", 0.05, 5.0, "oldest grid that is driven on"),
     P("odom_timeout", float, "s", 0.05, 5.0, "oldest odometry that is driven on"),
     P("planner/max_vel_x", float, "m/s", 0.05, 2.0, "forward speed"),
