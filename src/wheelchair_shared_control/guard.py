@@ -211,12 +211,11 @@ class Guard:
         x = math.cos(pose[2]) * dx + math.sin(pose[2]) * dy
         y = math.cos(pose[2]) * dy - math.sin(pose[2]) * dx
         box = self._footprint
-        if x > box.front:
-            where = "ahead"
-        elif x < box.rear:
-            where = "behind"
-        else:
-            where = "on the left" if y > 0.0 else "on the right"
+        beyond = {
+            "ahead": x - box.front, "behind": box.rear - x, "on the left": y - box.half_width,
+            "on the right": -y - box.half_width,
+        }
+        where = max(beyond, key=beyond.get)
         distance = max(sweep.signed_distance(x, y, box.front, box.rear, box.half_width), 0.0)
         what = ("obstacle", "something moving", "unknown ground", "unknown ground")[kinds[index]]
         return "%s %.2f m %s" % (what, distance, where)

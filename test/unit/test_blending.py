@@ -219,7 +219,9 @@ class TestLearnedConfidence:
 
 def test_a_policy_of_ones_own(tmp_path):
     path = tmp_path / "mine.py"
-    path.write_text("def careful(tick, memory):\n    memory['n'] = memory.get('n', 0) + 1\n    return tick.user, memory['n']\n")
+    path.write_text(
+        "def careful(tick, memory):\n    memory['n'] = memory.get('n', 0) + 1\n    return tick.user, memory['n']\n"
+    )
     policy, memory = blending.load_policy("%s:careful" % path), {}
     policy(tick((0.1, 0.2), (0.3, 0.4)), memory)
     assert policy(tick((0.1, 0.2), (0.3, 0.4)), memory) == (Twist(0.1, 0.2), 2)

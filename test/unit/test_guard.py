@@ -1,0 +1,336 @@
+"""The guard in titled scenes: a chair of 1.05 m x 0.65 m (front edge 0.70 m, rear edge -0.35 m) at the origin."""
+import math
+
+import numpy as np
+import pytest
+
+from wheelchair_shared_control import footprint as outline
+from wheelchair_shared_control import parameters, se2, sweep
+from wheelchair_shared_control.grid import Grid
+from wheelchair_shared_control.guard import FREE, SLOWED, STOPPED, Guard
+from wheelchair_shared_control.moving import MovingCells
+from wheelchair_shared_control.ranging import RangePoints
+from wheelchair_shared_control.values import RANGERS, STOP, Odometry, Ranges, Twist
+
+SETTINGS = parameters.load("blender")
+CHAIR = outline.from_settings(SETTINGS.wheelchair)
+RESOLUTION = 0.025
+SIZE = 240  # cells: 6 m, the chair in the middle
+TICK = 1.0 / 30.0
+
+
+def empty(value=0):
+    """A grid of 6 m x 6 m about the origin, all free or (-1) all unknown."""
+    return Grid(np.full((SIZE, SIZE), value, dtype=np.int8), RESOLUTION, (-3.0, -3.0), 0.0)
+
+
+def filled(grid, x, y, value=100):
+    """The grid with the box x = (low, high), y = (low, high) [m] set to ``value``."""
+    cells = grid.cells.copy()
+    columns, rows = (slice(*(int(round((limit + 3.0) / RESOLUTION)) for limit in side)) for side in (x, y))
+    cells[rows, columns] = value
+    return grid._replace(cells=cells)
+
+
+class Chair:
+    """A chair with dead time and lag as configured, in a grid whose lethal cells are the truth."""
+
+    def __init__(self, grid, pose=(0.0, 0.0, 0.0), settings=SETTINGS):
+        self.guard, self.grid = Guard(settings), grid
+        self.actuation = settings.wheelchair.actuation
+        self.pose, self.v, self.w, self.now = np.array(pose, dtype=float), 0.0, 0.0, 0.0
+        self.sent = [(-1.0, STOP)]
+        rows, columns = np.nonzero(grid.cells == 100)
+        self.obstacles = np.column_stack((columns + 0.5, rows + 0.5)) * RESOLUTION - 3.0
+        self.nearest, self.verdict = self.clearance(), None
+
+    def clearance(self):
+        """Distance [m] from the outline to the nearest lethal cell's centre."""
+        if not len(self.obstacles):
+            return math.inf
+        return float(outline.distance_to_points(CHAIR, self.pose, self.obstacles).min())
+
+    def drive(self, command, duration, points=np.empty((0, 2))):
+        """Ask for ``command`` for ``duration`` [s]; returns the states that the guard gave."""
+        states = []
+        for _ in range(int(round(duration / TICK))):
+            odometry = Odometry(self.now, self.pose, Twist(self.v, self.w))
+            self.guard.stand_on(self.pose)
+            scene = self.guard.look(self.grid, self.pose, points)
+            self.verdict = self.guard.check(command, self.now, odometry, scene)
+            self.guard.sent(self.now, self.verdict.command)
+            self.sent.append((self.now, self.verdict.command))
+            states.append(self.verdict.state)
+            for _ in range(4):
+                self.now += TICK / 4
+                acting = [c for t, c in self.sent[-30:] if t <= self.now - self.actuation.dead_time + 1e-9]
+                acting = acting[-1] if acting else STOP
+                share = 1.0 - math.exp(-TICK / 4 / self.actuation.lag)
+                self.v += (acting.v - self.v) * share
+                self.w += (acting.w - self.w) * share
+                self.pose = se2.integrate(self.pose, self.v, self.w, TICK / 4)
+            self.nearest = min(self.nearest, self.clearance())
+        return states
+
+
+WALL_AHEAD = filled(empty(), (1.5, 1.6), (-3.0, 3.0))
+WALL_LEFT = filled(empty(), (-3.0, 3.0), (0.40, 0.50))
+WALL_BEHIND = filled(empty(), (-1.2, -1.1), (-3.0, 3.0))
+POST_LEFT = filled(empty(), (0.2, 0.25), (0.55, 0.60))
+# a door of 0.80 m in a wall 0.1 m thick: 7.5 cm on each side of a chair in its middle
+DOOR = filled(filled(empty(), (0.9, 1.0), (-3.0, -0.4)), (0.9, 1.0), (0.4, 3.0))
+
+# title, grid, command, duration, the last state must be
+MEETINGS = [
+    ("full speed at a wall", WALL_AHEAD, (0.6, 0.0), 4.0, STOPPED),
+    ("walking pace at a wall", WALL_AHEAD, (0.2, 0.0), 6.0, STOPPED),
+    ("a curve into a wall", WALL_AHEAD, (0.6, 0.3), 5.0, STOPPED),
+    ("turning on the spot beside a wall: the front corner swings into it", WALL_LEFT, (0.0, 1.0), 4.0, STOPPED),
+    ("turning on the spot away from a wall: the rear corner swings into it", WALL_LEFT, (0.0, -1.0), 4.0, STOPPED),
+    ("turning on the spot, a post within the front corner's circle", POST_LEFT, (0.0, 0.6), 4.0, STOPPED),
+    ("reverse at a wall", WALL_BEHIND, (-0.6, 0.0), 5.0, STOPPED),
+    ("reverse along an arc at a wall", WALL_BEHIND, (-0.5, 0.4), 5.0, STOPPED),
+    ("a door met off its axis: the jamb", DOOR, (0.4, 0.35), 6.0, STOPPED),
+]
+
+
+@pytest.mark.parametrize("title, grid, command, duration, last", MEETINGS, ids=[row[0] for row in MEETINGS])
+def test_stops_before_it_meets(title, grid, command, duration, last):
+    chair = Chair(grid)
+    states = chair.drive(Twist(*command), duration)
+    assert states[-1] == last and SLOWED in states
+    # a lethal cell reaches half its edge further than its centre, its corner 0.018 m
+    assert chair.nearest > 0.018
+    assert chair.nearest < 0.15  # ... and no earlier than it must
+    assert abs(chair.v) < 0.02 and abs(chair.w) < 0.02
+    assert chair.verdict.reason.startswith("stopped: obstacle") and chair.verdict.point is not None
+    # Never trapped: the way it came is open.
+    stopped = chair.pose.copy()
+    chair.drive(Twist(-command[0], -command[1]), 3.0)
+    moved = np.hypot(*(chair.pose - stopped)[:2]) + CHAIR.circumscribed_radius * abs(chair.pose[2] - stopped[2])
+    assert moved > 0.1
+
+
+@pytest.mark.parametrize("dead_time", [0.1, 0.5])
+def test_knows_how_late_the_chair_answers(dead_time):
+    chair = Chair(WALL_AHEAD, settings=SETTINGS.replace(**{"wheelchair/actuation/dead_time": dead_time}))
+    chair.drive(Twist(0.6, 0.0), 6.0)
+    assert chair.nearest > 0.018 and chair.verdict.state == STOPPED
+
+
+@pytest.mark.parametrize("v", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("age", [0.0, 0.1, 0.25])
+def test_counts_the_age_of_the_odometry(v, age):
+    # Moving at v, 0.25 m of room at the stamp: what the chair covers until the command acts is gone.
+    guard = Guard(SETTINGS)
+    grid = filled(empty(), (0.95, 1.0), (-3.0, 3.0))
+    for k in range(30):
+        guard.sent(-1.0 + k * TICK, Twist(v, 0.0))
+    scene = guard.look(grid, np.zeros(3))
+    verdict = guard.check(Twist(v, 0.0), age, Odometry(0.0, np.zeros(3), Twist(v, 0.0)), scene)
+    actuation, brakes = SETTINGS.wheelchair.actuation, SETTINGS.guarding
+    # v (age + dead time + tick and a half + lag) + v^2 / 2a, against 0.25 m and half a cell, less the margins
+    needs = v * (age + actuation.dead_time + 1.5 * TICK + actuation.lag) + v * v / (2.0 * brakes.deceleration)
+    room = 0.2625 - 0.0125 - brakes.margin - brakes.margin_per_speed * v
+    assert (verdict.state == FREE) == (needs < room)
+
+
+def test_changes_nothing_on_known_free_ground():
+    rng = np.random.default_rng(3)
+    limits, guarding = SETTINGS.wheelchair.limits, SETTINGS.guarding
+    for case in range(120):
+        v = rng.uniform(-limits.speed, limits.speed)
+        w = rng.uniform(-limits.turn_rate, limits.turn_rate)
+        measured = Twist(v * rng.uniform(0, 1), w * rng.uniform(0, 1))
+        guard = Guard(SETTINGS)
+        guard.sent(-0.2, measured)
+        # known and free is a disc about the chair: whatever the chair sweeps to standstill, and 0.3 m
+        stop = abs(v) / guarding.deceleration
+        reach = abs(v) * (0.1 + 0.1 + 0.15 + 0.05 + 0.5 * stop) + 0.3 + CHAIR.circumscribed_radius
+        grid = empty(-1)
+        y, x = np.mgrid[:SIZE, :SIZE] * RESOLUTION - 3.0 + RESOLUTION / 2
+        grid.cells[np.hypot(x, y) <= reach + RESOLUTION] = 0
+        if case % 2:
+            grid.cells[np.hypot(x, y) > reach + RESOLUTION] = 100
+        odometry = Odometry(-0.1, np.zeros(3), measured)
+        verdict = guard.check(Twist(v, w), 0.0, odometry, guard.look(grid, np.zeros(3)))
+        assert verdict.state == FREE and verdict.command == Twist(v, w), (v, w, verdict)
+
+
+def test_drives_through_a_narrow_door():
+    chair = Chair(DOOR)
+    states = chair.drive(Twist(0.4, 0.0), 6.0)
+    assert chair.pose[0] > 1.5 and STOPPED not in states
+
+
+def test_a_chair_that_stands_close_may_leave():
+    """2 cm beside a wall (less than any margin): along it, ahead and back; not closer."""
+    wall = filled(empty(), (-3.0, 3.0), (0.35, 0.5))  # first cells' centres at 0.3625: 3.75 cm, edges 2.5 cm
+    for command in ((0.3, 0.0), (-0.3, 0.0)):
+        chair = Chair(wall)
+        assert STOPPED not in chair.drive(Twist(*command), 2.0)
+        assert abs(chair.pose[0]) > 0.4
+    chair = Chair(wall)
+    chair.drive(Twist(0.3, 0.5), 2.0)
+    assert chair.nearest > 0.018
+
+
+def test_a_false_cell_inside_the_outline_forbids_only_what_deepens_it():
+    """A cell 5 cm inside the front edge, as a wrong reading leaves it."""
+    grid = filled(empty(), (0.65, 0.675), (0.0, 0.025))
+    forward, back = Chair(grid), Chair(grid)
+    forward.drive(Twist(0.3, 0.0), 1.0)
+    back.drive(Twist(-0.3, 0.0), 1.0)
+    assert forward.pose[0] < 0.01 and forward.verdict.state == STOPPED
+    assert back.pose[0] < -0.1
+
+
+class TestUnknownGround:
+    def test_ahead_counts_as_free_at_low_speed(self):
+        chair = Chair(empty(-1))
+        chair.drive(Twist(0.3, 0.0), 5.0)
+        assert chair.pose[0] > 1.2
+
+    def test_ahead_slows_a_fast_chair(self):
+        chair = Chair(empty(-1))
+        chair.drive(Twist(0.6, 0.0), 5.0)
+        assert 0.2 < chair.v < 0.31 and "unknown ground" in chair.verdict.reason
+
+    def test_behind_counts_as_occupied_beyond_the_start(self):
+        # the first footprint grown by 0.4 m is free: 0.4 m back, no more
+        chair = Chair(empty(-1))
+        chair.drive(Twist(-0.4, 0.0), 6.0)
+        assert -0.45 < chair.pose[0] < -0.25 and chair.verdict.state == STOPPED
+        assert "unknown ground" in chair.verdict.reason and "behind" in chair.verdict.reason
+
+    def test_behind_is_free_where_the_chair_came_from(self):
+        chair = Chair(empty(-1))
+        chair.drive(Twist(0.3, 0.01), 6.0)
+        far = chair.pose[0]
+        chair.drive(Twist(-0.3, -0.01), 6.0)
+        assert chair.pose[0] < far - 1.2
+
+    def test_beside_counts_as_occupied_for_a_turn(self):
+        # known is the lane of the chair only; its corners would swing out of it
+        lane = filled(empty(-1), (-3.0, 3.0), (-0.4, 0.4), 0)
+        chair = Chair(lane, settings=SETTINGS.replace(**{"guarding/start_margin": 0.0}))
+        chair.drive(Twist(0.0, 0.8), 3.0)
+        assert chair.pose[2] < 0.35 and chair.verdict.state == STOPPED
+        assert "on the left" in chair.verdict.reason or "on the right" in chair.verdict.reason
+
+
+class TestRangers:
+    rangers = SETTINGS.wheelchair.rangers
+
+    def points(self, **readings):
+        taken = RangePoints(SETTINGS.wheelchair)
+        values = [readings.get(name, math.inf) for name in RANGERS]
+        taken.update(Ranges(1.0, np.array(values)), np.zeros(3))
+        return taken.points()
+
+    def test_stand_where_they_were_read(self):
+        # front left at x 0.60, y 0.175, looking left: 0.5 m is y = 0.675; the cone is 6 degrees wide
+        points = self.points(left_front=0.5)
+        assert points[1] == pytest.approx((0.60, 0.675))
+        half_width = 0.5 * math.sin(math.radians(3))
+        assert points[:, 0] == pytest.approx([0.60 - half_width, 0.60, 0.60 + half_width], abs=1e-6)
+        assert self.points(right_rear=0.4)[1] == pytest.approx((-0.25, -0.575))
+
+    def test_beyond_range_is_no_obstacle(self):
+        assert len(self.points()) == 0
+
+    def test_stop_a_turn_that_the_costmap_would_allow(self):
+        chair = Chair(empty())
+        chair.drive(Twist(0.0, 0.8), 2.0, points=self.points(left_front=0.2))  # 5 cm beside the front corner
+        assert chair.pose[2] < 0.1 and chair.verdict.state == STOPPED
+        free = Chair(empty())
+        free.drive(Twist(0.0, 0.8), 2.0)
+        assert free.pose[2] > 1.0
+
+    def test_closer_than_the_minimum_forbids_only_what_shortens_it(self):
+        # -Inf: at the minimum 0.1 m along the beam, 5 cm inside the side edge
+        points = self.points(left_middle=-math.inf)
+        assert points[1] == pytest.approx((0.15, 0.275))
+        along, into = Chair(empty()), Chair(empty())
+        along.drive(Twist(0.3, 0.0), 1.0, points=points)
+        assert along.pose[0] > 0.1
+        into.drive(Twist(0.0, 0.5), 1.0, points=points)
+        assert into.pose[2] < 0.02
+
+    def test_nan_says_nothing_and_ages(self):
+        taken = RangePoints(SETTINGS.wheelchair)
+        taken.update(Ranges(1.0, np.full(6, np.inf)), np.zeros(3))
+        broken = np.full(6, np.inf)
+        broken[4] = np.nan
+        taken.update(Ranges(1.4, broken), np.zeros(3))
+        assert taken.oldest(1.5) == ("right_middle", pytest.approx(0.5))
+
+
+class TestMoving:
+    """A person of 0.4 m crosses from the right, the grid shows them every 0.1 s."""
+
+    @staticmethod
+    def grid(stamp, y, growing=0):
+        grid = filled(empty(), (1.3, 1.7), (y - 0.2, y + 0.2))
+        grid = filled(grid, (-2.0, -1.6), (1.0, 1.2 + 0.05 * growing))  # a box of which more and more is seen
+        return grid._replace(stamp=stamp)
+
+    def follow(self, speed, grids=10):
+        moving = MovingCells()
+        for k in range(grids):
+            moving.update(self.grid(0.1 * k, -2.0 + speed * 0.1 * k, growing=k))
+        return moving
+
+    def test_has_the_velocity_of_its_edges(self):
+        moving = self.follow(0.5)
+        assert np.allclose(moving.velocities, (0.0, 0.5), atol=0.05) and len(moving.points) >= 240
+        assert moving.points[:, 0].min() > 1.0  # the box that only grows does not move
+
+    def test_that_stand_do_not_move(self):
+        assert len(self.follow(0.0).points) == 0
+
+    def test_stop_a_chair_whose_way_they_will_cross(self):
+        # The person's near side is at y -0.7, 0.5 m/s: 0.85 s later, when the chair's front would have come to
+        # a stop at x 1.43, at y -0.275: before the chair, whose side is at -0.325.
+        moving = self.follow(0.5, grids=23)
+        guard, now = Guard(SETTINGS), moving.stamp
+        pose = np.array([0.4, 0.0, 0.0])
+        for k in range(40):
+            guard.sent(now - 1.3 + k * TICK, Twist(0.6, 0.0))
+        odometry = Odometry(now, pose, Twist(0.6, 0.0))
+        grid = self.grid(now, -0.9)
+        blind = guard.check(Twist(0.6, 0.0), now, odometry, guard.look(grid, pose))
+        seen = guard.check(Twist(0.6, 0.0), now, odometry, guard.look(grid, pose, moving=moving))
+        assert blind.state == FREE
+        assert seen.state != FREE and "something moving" in seen.reason
+
+
+def test_sweep_and_footprint_measure_alike():
+    rng = np.random.default_rng(4)
+    points = rng.uniform(-2, 2, (500, 2))
+    pose = np.array([0.3, -0.2, 0.7])
+    expected = outline.distance_to_points(CHAIR, pose, points)
+    for point, distance in zip(points, expected):
+        got = sweep.nearest(point[None], *pose, CHAIR.front, CHAIR.rear, CHAIR.half_width)
+        assert max(got, 0.0) == pytest.approx(distance, abs=1e-12)
+
+
+def test_no_obstacle_is_overlooked_between_the_poses():
+    """The jumps over far points find the same first pose as looking at every point in every pose."""
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        v, w = rng.uniform(-0.6, 0.6), rng.uniform(-1, 1)
+        poses, times = sweep.brake(np.zeros(3), v, w, v, w, 0.3, 0.5, 1.0, 0.15)
+        points = rng.uniform(-1.5, 1.5, (60, 2))
+        margin = 0.05
+        index, pose = sweep.first_violation(
+            poses, times, points, np.zeros((60, 2)), np.full(60, margin), 1.0, CHAIR.front, CHAIR.rear,
+            CHAIR.half_width, 0.05,
+        )
+        all_ = np.array([
+            [sweep.nearest(p[None], *q, CHAIR.front, CHAIR.rear, CHAIR.half_width) for p in points] for q in poses
+        ])
+        outside = all_[0] >= 0.0
+        limit = np.where(outside, min(margin, all_[0][outside].min()), all_[0]) - 1e-6
+        hits = (all_[1:] < limit).any(axis=1)
+        assert pose == (1 + int(np.argmax(hits)) if hits.any() else -1)
