@@ -56,7 +56,8 @@ def _checked(path, content):
     for key, low, high in (("resolution", 1e-4, 10.0), ("occupied_thresh", 0.0, 1.0), ("free_thresh", 0.0, 1.0)):
         value = _number(content[key])
         if value is None or not low <= value <= high:
-            raise SceneError("%s: '%s' is %r, but must be a number from %g to %g" % (path, key, content[key], low, high))
+            raise SceneError("%s: '%s' is %r, but must be a number from %g to %g"
+                             % (path, key, content[key], low, high))
         settings[key] = value
     if settings["free_thresh"] > settings["occupied_thresh"]:
         raise SceneError("%s: 'free_thresh' is %g, but must be at most 'occupied_thresh', %g"

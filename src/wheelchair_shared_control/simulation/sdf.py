@@ -91,7 +91,8 @@ def _mesh(shape, path, name):
     kind, _, rest = uri.rpartition("://")
     folders = [Path(path).parent]
     if kind == "model":
-        folders += [Path(path).parent.parent] + [Path(p) for p in os.environ.get("GAZEBO_MODEL_PATH", "").split(":") if p]
+        searched = os.environ.get("GAZEBO_MODEL_PATH", "").split(":")
+        folders += [Path(path).parent.parent] + [Path(folder) for folder in searched if folder]
     for folder in folders:
         file = folder / rest
         if rest and file.is_file():

@@ -221,8 +221,8 @@ class Wheelchair:
             swivel = self.castor_angles[index]
             along = x * math.cos(swivel) + y * math.sin(swivel)
             across = y * math.cos(swivel) - x * math.sin(swivel)
-            self.castor_angles[index] = math.atan2(
-                math.sin(swivel + dt * (across / CASTOR_TRAIL - w)), math.cos(swivel + dt * (across / CASTOR_TRAIL - w)))
+            swivel += dt * (across / CASTOR_TRAIL - w)
+            self.castor_angles[index] = math.atan2(math.sin(swivel), math.cos(swivel))
             self.castor_angles[index + 2] += dt * along / self.body.castor_radius
 
     def joints(self):
