@@ -46,7 +46,7 @@ def detect_depth(image, camera, base_from_camera, settings, seed=0, stamp=0.0):
         return _nothing("the image is %s, the camera %d x %d" % (
             " x ".join(str(n) for n in image.shape[::-1]), camera.width, camera.height))
     step = max(1, int(round(np.sqrt(image.size / 5000.0))))
-    coarse = doorway_rays.from_image(image, camera, transform, settings, step)
+    coarse = doorway_rays.from_image(image, camera, transform, settings, step, step)
     if coarse.returned < settings.ground.min_points:
         return _nothing("%d valid depths" % coarse.returned)
     ground = doorway_ground.Ground(np.eye(4), False, 0)
@@ -54,7 +54,9 @@ def detect_depth(image, camera, base_from_camera, settings, seed=0, stamp=0.0):
     if corrected is not None:
         ground = doorway_ground.Ground(corrected[0], True, corrected[1])
     level_from_camera = ground.level_from_sensor @ transform
-    rays = doorway_rays.from_image(image, camera, level_from_camera, settings)
+    # every column, because columns place the jambs; rows only repeat them
+    row_step = max(1, int(round(image.shape[0] / float(settings.sensor.rows))))
+    rays = doorway_rays.from_image(image, camera, level_from_camera, settings, row_step)
     few = doorway_rays.transformed(coarse, ground.level_from_sensor)
     return _detect(rays, few.points[:, :few.returned], ground, settings, stamp)
 
@@ -124,7 +126,7 @@ def _examine(rays, line, gap, settings, stamp):
     left, right = gap.left, gap.right
     beside = settings.jamb.wall_window
     for _ in range(2):
-        near = doorway_rays.near(rays, line, settings, left - beside, right + beside, 0.0, door.height + 0.4)
+        near = doorway_rays.near(rays, line, settings, left - beside, right + beside)
         refined = doorway_jambs.refined_line(near, line, left, right, rays.origin[:2], settings)
         if refined is None:
             return None, FoundGap(at(left, right), "too little wall beside it")
@@ -132,7 +134,7 @@ def _examine(rays, line, gap, settings, stamp):
         ends = at(left, right)
         line, angle_sigma, offset_sigma = refined
         left, right = np.sort((ends - line.origin) @ line.along)
-        near = doorway_rays.near(rays, line, settings, left - beside, right + beside, 0.0, door.height + 0.4)
+        near = doorway_rays.near(rays, line, settings, left - beside, right + beside)
         jambs = doorway_jambs.refined_edges(near, left, right, settings)
         left, right = jambs.left, jambs.right
         if not right - left > 0.3:
@@ -140,7 +142,7 @@ def _examine(rays, line, gap, settings, stamp):
     verdict = doorway_volume.judge(near, jambs, settings)
     if verdict.reason:
         return None, FoundGap(at(left, right), verdict.reason)
-    ends = at(left, right) + 0.5 * jambs.thickness * line.normal
+    ends = at(left, right) + jambs.plane * line.normal
     middle = ends.mean(axis=0)
     yaw = float(np.arctan2(line.normal[1], line.normal[0]))
     covariance = _covariance(line, jambs, angle_sigma, offset_sigma, settings)

@@ -1,9 +1,9 @@
 """Gaps: stretches of a wall's plane that rays pass through, between stretches where they end."""
-from typing import NamedTuple, Tuple
+from typing import NamedTuple
 
 import numpy as np
 
-from wheelchair_shared_control.doorway_rays import DEEP, FRONT, SHALLOW, WALL, count_crossings
+from wheelchair_shared_control.doorway_rays import BEFORE, DEEP, SHALLOW, WALL, count_crossings
 
 
 class Scan(NamedTuple):
@@ -41,10 +41,12 @@ def scan(rays, line, settings):
         # few points: neighbouring columns speak for each other
         counts = counts + np.roll(counts, 1, axis=1) + np.roll(counts, -1, axis=1)
     behind = counts[SHALLOW] + counts[DEEP]
-    total = counts[WALL] + behind
+    # what leans on the wall (a leaf folded back, a shelf) ends a gap as the wall does
+    solid = counts[WALL] + counts[BEFORE]
+    total = solid + behind
     told = total > 0
     heights = told.sum(axis=1)
-    wall_cells = (told & (counts[WALL] >= gap.majority * total)).sum(axis=1)
+    wall_cells = (told & (solid >= gap.majority * total)).sum(axis=1)
     deep_cells = (told & (counts[DEEP] >= gap.majority * total)).sum(axis=1)
     seen = heights >= gap.min_cells
     share = np.maximum(heights, 1)
@@ -77,33 +79,40 @@ def gaps(found, settings):
             right = np.nan
         low = left if np.isfinite(left) else found.s[columns[0]]
         high = right if np.isfinite(right) else found.s[columns[-1]]
-        free = np.isfinite(left + right) and all(
-            _ends_freely(found, edge, side, settings) for edge, side in ((left, -1), (right, 1)))
-        result.append(Gap(float(left), float(right), float(len(columns) * step / max(high - low, step)), free))
+        result.append(Gap(float(left), float(right), float(len(columns) * step / max(high - low, step)),
+                          _is_free_standing(found, left, right, settings)))
     return result
 
 
-def _ends_freely(found, edge, side, settings):
-    """Does the wall beside a gap end within ``gap/stub`` [m], with nothing but open columns after its end?
+def _is_free_standing(found, left, right, settings):
+    """Is what bounds a gap no wall: a post, or short pieces with free ends on both sides?"""
+    if not np.isfinite(left + right):
+        return False
+    lengths = [_length(found, edge, side, settings) for edge, side in ((left, -1), (right, 1))]
+    return min(lengths) < settings.gap.post or max(lengths) < settings.gap.stub
 
-    Pieces between gaps of door width count as one wall: the pier between two doors is no end.
+
+def _length(found, edge, side, settings):
+    """Length [m] of the wall beside a gap up to its free end: infinite where no end is seen.
+
+    A free end is a stretch of open columns wider than a door: the pier between two doors is no end.
     """
     gap = settings.gap
     at = int(round((edge - found.s[0]) / gap.step)) + (0 if side > 0 else -1)
-    solid, free = found.solid[at::side], found.open[at::side]
-    allowed = int(settings.door.max_width / gap.step) + 5
-    last = 0
+    solid, free, seen = found.solid[at::side], found.open[at::side], found.seen[at::side]
+    last, opened = 0, 0
     for column in range(len(solid)):
         if solid[column]:
-            last = column
+            last, opened = column, 0
             if last * gap.step > gap.stub:
-                return False
-        elif not free[column] and not found.seen[at::side][column]:
-            # out of view, or hidden: a wall that is not seen to end
-            return free[last + 1:column].sum() * gap.step > 0.3 and column - last > allowed
-        elif column - last > allowed:
-            return bool(free[last + 1:column].mean() > 0.7)
-    return False
+                break
+        elif free[column]:
+            opened += 1
+            if opened * gap.step > settings.door.max_width:
+                return (last + 1) * gap.step
+        elif not seen[column] and opened == 0 and (column - last) * gap.step > 0.1:
+            break
+    return np.inf
 
 
 def _dense(mask, length):

@@ -1,18 +1,24 @@
 """Jambs: the wall's plane and both edges of a gap, refined on all points without bins."""
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
 import numpy as np
 
-from wheelchair_shared_control.doorway_rays import DEEP, FRONT, SHALLOW, WALL, Line, line_from_normal
+from wheelchair_shared_control.doorway_rays import BEFORE, FRONT, SHALLOW, WALL, line_from_normal
 
 
 class Jambs(NamedTuple):
-    """Edges ``left`` and ``right`` [m] along the wall, the wall's ``thickness`` [m] (``measured`` or assumed), and
-    the standard deviation [m] of an edge."""
+    """What bounds a gap, in metres along the wall.
+
+    ``left``, ``right``: edges of the clear width. ``wall_left``, ``wall_right``: edges of the opening in the wall's
+    face, wider where the frame stands back in it. ``plane``: the middle of the door's thickness behind the wall's
+    face, ``measured`` or assumed. ``edge_sigma``: standard deviation of an edge.
+    """
 
     left: float
     right: float
-    thickness: float
+    wall_left: float
+    wall_right: float
+    plane: float
     measured: bool
     edge_sigma: float
 
@@ -57,13 +63,15 @@ def refined_line(near, line, left, right, sensor_xy, settings):
 
 def refined_edges(near, left, right, settings):
     """``Jambs`` from all rays around the gap, whose rough edges are ``left`` and ``right`` [m]."""
-    jamb = settings.jamb
     pitch = _pitch(near, left, right)
-    left, left_reveal = _edge(near, left, -1.0, right - left, pitch, settings)
-    right, right_reveal = _edge(near, right, 1.0, right - left, pitch, settings)
-    depths = [d for d in (left_reveal, right_reveal) if d is not None]
-    thickness = max(depths) if depths else jamb.thickness
-    return Jambs(left, right, thickness, bool(depths), max(pitch, 0.003))
+    near = near.where(near.label != FRONT)
+    a = _edge(near, left, -1.0, right - left, pitch, settings)
+    b = _edge(near, right, 1.0, right - left, pitch, settings)
+    back = [edge.back for edge in (a, b) if edge.back is not None]
+    face = [edge.face for edge in (a, b) if edge.face > 0.0]
+    front = float(np.mean(face)) if face else 0.0
+    depth = max(back) - front if back else settings.jamb.thickness
+    return Jambs(a.clear, b.clear, a.wall, b.wall, front + 0.5 * max(depth, 0.0), bool(back), max(pitch, 0.003))
 
 
 def _pitch(near, left, right):
@@ -77,28 +85,61 @@ def _pitch(near, left, right):
     return float(np.sqrt(area / count))
 
 
+class _Edge(NamedTuple):
+    """``wall`` and ``clear`` edge, ``face``: offset of the frame's face (0: flush), ``back``: where its inner face
+    ends, or None."""
+
+    wall: float
+    clear: float
+    face: float
+    back: Optional[float]
+
+
 def _edge(near, rough, side, width, pitch, settings):
-    """One edge: ``side`` -1 for the left, 1 for the right jamb. Returns (edge, depth of its reveal or None)."""
+    """One edge: ``side`` -1 for the left, 1 for the right jamb.
+
+    u is the way outward from the rough edge: the gap lies at u < 0, the wall at u > 0.
+    """
     jamb = settings.jamb
-    # outward coordinate from the rough edge: the gap lies at u < 0, the wall at u > 0
-    near = near.where((near.z > settings.gap.low) & (near.z_cross > settings.gap.low) & (near.label != FRONT))
-    u_cross = side * (near.s_cross - rough)
-    window = np.abs(u_cross) < min(jamb.window, 0.45 * width)
-    wall = u_cross[window & (near.label == WALL)].astype(float)
-    other = u_cross[window & (near.label != WALL)].astype(float)
-    edge = _threshold(other, wall, pitch, jamb.max_shadow)
-    # the reveal: rays that enter the gap and end on the jamb's inner face, all at the same s
-    u_end = side * (near.s - rough)
-    depth = None
+    window = min(jamb.window, 0.45 * width)
+    u_cross, u_end = side * (near.s_cross - rough), side * (near.s - rough)
+    close = np.abs(u_cross) < window
+    on_wall = close & (near.label == WALL)
+    if on_wall.sum() >= jamb.min_reveal:
+        wall = _threshold(u_cross[close & (near.label != WALL) & (near.label != BEFORE)], u_cross[on_wall], pitch,
+                          jamb.max_shadow)
+    else:
+        # the wall hides behind a leaf or a shelf: its end is the edge
+        leaf = (near.label == BEFORE) & (np.abs(u_end) < window)
+        wall = float(np.percentile(u_end[leaf], 2)) if leaf.sum() >= jamb.min_reveal else 0.0
+    edge, face = wall, 0.0
+    shallow = (near.label == SHALLOW) & (u_cross < wall - jamb.reveal_clear)
+    # a frame that stands back in the wall: a face of its own, parallel to the wall's
+    stands = shallow & (u_end > wall - jamb.frame_width) & (u_end < wall - jamb.reveal_band)
+    if stands.sum() >= jamb.min_reveal:
+        offset = near.offset[stands]
+        low, middle = np.percentile(offset, (10, 50))
+        flat = stands & (near.offset < low + 2.0 * settings.gap.tolerance + 2.0 * near.noise)
+        if flat.sum() >= jamb.min_reveal:
+            face = float(np.median(near.offset[flat]))
+            # where each ray meets the plane of that face
+            with np.errstate(divide="ignore", invalid="ignore"):
+                u_face = u_cross + (u_end - u_cross) * (face / near.offset)
+            passes = near.offset > face + settings.gap.tolerance + 2.0 * near.noise
+            zone = (u_face > wall - jamb.frame_width - 0.1) & (u_face < wall) & (near.offset > 0.5 * face)
+            edge = _threshold(u_face[zone & passes], u_face[zone & ~passes], pitch, jamb.max_shadow)
+    back = None
     for _ in range(3):
-        reveal = (u_cross < edge - jamb.reveal_clear) & (np.abs(u_end - edge) < jamb.reveal_band + 2.0 * near.noise) & (
-            near.offset > -0.02) & (near.offset < settings.gap.reveal_depth)
-        n = int(reveal.sum())
-        if n < jamb.min_reveal or np.percentile(near.offset[reveal], 90) < settings.gap.tolerance:
+        # the inner face: rays that enter the gap and end at one and the same u
+        inner = (np.abs(u_end - edge) < jamb.reveal_band + 2.0 * near.noise) & (u_cross < wall - jamb.reveal_clear) & (
+            near.offset > face - 0.02) & (near.offset < settings.gap.reveal_depth) & (near.z > settings.gap.low)
+        if face > 0.0:
+            inner &= near.offset > face + settings.gap.tolerance
+        if inner.sum() < jamb.min_reveal or np.percentile(near.offset[inner], 90) < face + settings.gap.tolerance:
             break
-        edge = float(np.median(u_end[reveal]))
-        depth = float(np.percentile(near.offset[reveal], 97))
-    return rough + side * edge, depth
+        edge = float(np.median(u_end[inner]))
+        back = float(np.percentile(near.offset[inner], 97))
+    return _Edge(rough + side * wall, rough + side * edge, face, back)
 
 
 def _threshold(low, high, pitch, max_shadow):

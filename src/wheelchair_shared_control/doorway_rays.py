@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-LABELS = 4
-WALL, SHALLOW, DEEP, FRONT = range(LABELS)
+LABELS = 5
+WALL, SHALLOW, DEEP, FRONT, BEFORE = range(LABELS)
 
 
 class Rays(NamedTuple):
@@ -44,15 +44,15 @@ class Line(NamedTuple):
 
 
 @njit(cache=True)
-def _from_image(depth, fx, fy, cx, cy, rotation, shift, nearest, farthest, noise_floor, noise_growth, step):
+def _from_image(depth, fx, fy, cx, cy, rotation, shift, nearest, farthest, noise_floor, noise_growth, row_step, step):
     rows, columns = depth.shape
-    n = ((rows + step - 1) // step) * ((columns + step - 1) // step)
+    n = ((rows + row_step - 1) // row_step) * ((columns + step - 1) // step)
     points = np.empty((3, n), np.float32)
     noise = np.empty(n, np.float32)
     # returned rays fill the arrays from the front, unreturned ones from the back
     head, tail = 0, n
     far = np.float32(2.0) * np.float32(farthest)
-    for v in range(0, rows, step):
+    for v in range(0, rows, row_step):
         ry = (v - cy) / fy
         for u in range(0, columns, step):
             z = depth[v, u]
@@ -81,8 +81,8 @@ def _from_image(depth, fx, fy, cx, cy, rotation, shift, nearest, farthest, noise
     return points, noise, head, gone
 
 
-def from_image(depth, camera, level_from_camera, settings, step=1):
-    """Rays of every ``step``-th row and column of ``depth`` (height, width) [m].
+def from_image(depth, camera, level_from_camera, settings, row_step=1, step=1):
+    """Rays of every ``row_step``-th row and ``step``-th column of ``depth`` (height, width) [m].
 
     REP 117/118: NaN, 0 and -Inf say nothing and are dropped; +Inf, and what lies beyond
     ``camera/max_range``, is a ray that met nothing.
@@ -92,7 +92,7 @@ def from_image(depth, camera, level_from_camera, settings, step=1):
         np.ascontiguousarray(depth, dtype=np.float32), float(camera.fx), float(camera.fy), float(camera.cx),
         float(camera.cy), np.ascontiguousarray(transform[:3, :3]), np.ascontiguousarray(transform[:3, 3]),
         float(settings.sensor.min_range), float(settings.sensor.max_range),
-        float(settings.sensor.noise_floor), float(settings.sensor.noise_growth), int(step))
+        float(settings.sensor.noise_floor), float(settings.sensor.noise_growth), int(row_step), int(step))
     return Rays(transform[:3, 3].copy(), points[:, :head + gone], noise[:head + gone], int(gone))
 
 
@@ -115,7 +115,7 @@ def transformed(rays, transform):
 
 
 @njit(cache=True)
-def _label(offset, z, noise, reach, tolerance, sigmas, deep, floor):
+def _label(offset, z, noise, reach, tolerance, sigmas, deep, front, floor):
     """Label of a ray that ends ``offset`` behind the plane; ``reach`` is the sensor's distance to the plane.
 
     A ray that ends on the floor behind the plane has passed it, however near behind.
@@ -126,48 +126,52 @@ def _label(offset, z, noise, reach, tolerance, sigmas, deep, floor):
         return 2
     if offset > limit:
         return 1
-    if offset < -limit:
+    if offset < -front - spread:
         return 3
+    if offset < -limit:
+        return 4
     return 0
 
 
-@njit(cache=True)
-def _crossings(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas, deep,
+@njit(cache=True, error_model="numpy")
+def _crossings(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas, deep, front,
                s_low, s_step, s_bins, z_low, z_step, z_bins, floor):
-    counts = np.zeros((4, s_bins, z_bins), np.int32)
-    cs = (origin[0] - line_origin[0]) * along[0] + (origin[1] - line_origin[1]) * along[1]
-    reach = -((origin[0] - line_origin[0]) * normal[0] + (origin[1] - line_origin[1]) * normal[1]
-              - lean * (origin[2] - height))
-    ox, oy = line_origin[0], line_origin[1]
+    counts = np.zeros((5, s_bins, z_bins), np.int32)
+    ox, oy = np.float32(line_origin[0]), np.float32(line_origin[1])
+    ax, ay = np.float32(along[0]), np.float32(along[1])
+    nx, ny = np.float32(normal[0]), np.float32(normal[1])
+    lean, height, eye = np.float32(lean), np.float32(height), np.float32(origin[2])
+    s_low, z_low = np.float32(s_low), np.float32(z_low)
+    per_s, per_z = np.float32(1.0 / s_step), np.float32(1.0 / z_step)
+    cs = (np.float32(origin[0]) - ox) * ax + (np.float32(origin[1]) - oy) * ay
+    reach = -((np.float32(origin[0]) - ox) * nx + (np.float32(origin[1]) - oy) * ny - lean * (eye - height))
+    least = np.float32(0.2) * reach
     for i in range(points.shape[1]):
         dx, dy, z = points[0, i] - ox, points[1, i] - oy, points[2, i]
-        offset = dx * normal[0] + dy * normal[1] - lean * (z - height)
+        offset = dx * nx + dy * ny - lean * (z - height)
         way = offset + reach
-        if way < 0.2 * reach:
+        if way < least:
             continue
         f = reach / way
-        zc = origin[2] + (z - origin[2]) * f
-        row = int((zc - z_low) / z_step)
-        if zc < z_low or row >= z_bins:
+        row = (eye + (z - eye) * f - z_low) * per_z
+        column = (cs + (dx * ax + dy * ay - cs) * f - s_low) * per_s
+        if not (0.0 <= row < z_bins and 0.0 <= column < s_bins):
             continue
-        sc = cs + (dx * along[0] + dy * along[1] - cs) * f
-        column = int((sc - s_low) / s_step)
-        if sc < s_low or column >= s_bins:
-            continue
-        label = 2 if i >= returned else _label(offset, z, noise[i], reach, tolerance, sigmas, deep, floor)
-        counts[label, column, row] += 1
+        label = 2 if i >= returned else _label(offset, z, noise[i], reach, tolerance, sigmas, deep, front, floor)
+        counts[label, int(column), int(row)] += 1
     return counts
 
 
 def count_crossings(rays, line, settings, s_low, s_step, s_bins, z_low, z_step, z_bins):
-    """Counts (4, s_bins, z_bins) of the rays by label and by where they cross the plane of ``line``.
+    """Counts (5, s_bins, z_bins) of the rays by label and by where they cross the plane of ``line``.
 
-    WALL ends at the plane, SHALLOW within the depth of a wall behind it, DEEP farther behind, FRONT before it.
+    WALL ends at the plane, SHALLOW within the depth of a wall behind it, DEEP farther behind,
+    BEFORE within ``gap/front_depth`` before it, FRONT farther before it.
     """
     scan = settings.gap
     return _crossings(
         rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
-        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_low, s_step, s_bins, z_low, z_step,
+        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, scan.front_depth, s_low, s_step, s_bins, z_low, z_step,
         z_bins, settings.ground.floor_height)
 
 
@@ -188,44 +192,53 @@ class Crossings(NamedTuple):
         return Crossings(*(column[mask] for column in self))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _near(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas, deep,
-          s_min, s_max, z_min, z_max, floor):
-    out = np.empty((points.shape[1], 7), np.float32)
+          s_min, s_max, z_min, z_max, near_front, front, back, floor):
+    total = points.shape[1]
+    out = np.empty((6, total), np.float32)
+    labels = np.empty(total, np.int8)
     n = 0
-    cs = (origin[0] - line_origin[0]) * along[0] + (origin[1] - line_origin[1]) * along[1]
-    reach = -((origin[0] - line_origin[0]) * normal[0] + (origin[1] - line_origin[1]) * normal[1]
-              - lean * (origin[2] - height))
-    for i in range(points.shape[1]):
-        dx, dy, z = points[0, i] - line_origin[0], points[1, i] - line_origin[1], points[2, i]
-        offset = dx * normal[0] + dy * normal[1] - lean * (z - height)
-        s = dx * along[0] + dy * along[1]
+    ox, oy = np.float32(line_origin[0]), np.float32(line_origin[1])
+    ax, ay = np.float32(along[0]), np.float32(along[1])
+    nx, ny = np.float32(normal[0]), np.float32(normal[1])
+    lean, height, eye = np.float32(lean), np.float32(height), np.float32(origin[2])
+    cs = (np.float32(origin[0]) - ox) * ax + (np.float32(origin[1]) - oy) * ay
+    reach = -((np.float32(origin[0]) - ox) * nx + (np.float32(origin[1]) - oy) * ny - lean * (eye - height))
+    least = np.float32(0.05) * reach
+    for i in range(total):
+        dx, dy, z = points[0, i] - ox, points[1, i] - oy, points[2, i]
+        offset = dx * nx + dy * ny - lean * (z - height)
         way = offset + reach
-        if way < 0.05 * reach:
+        if way < least:
             continue
+        s = dx * ax + dy * ay
         f = reach / way
         sc = cs + (s - cs) * f
-        zc = origin[2] + (z - origin[2]) * f
+        zc = eye + (z - eye) * f
         crosses = s_min <= sc <= s_max and z_min <= zc <= z_max
-        ends = s_min <= s <= s_max and z_min <= z <= z_max and offset < 1.5
+        ends = s_min <= s <= s_max and z_min <= z <= z_max and front < offset < back
         if not (crosses or ends):
             continue
-        out[n, 0], out[n, 1], out[n, 2], out[n, 3], out[n, 4] = s, offset, z, sc, zc
-        out[n, 5] = 2 if i >= returned else _label(offset, z, noise[i], reach, tolerance, sigmas, deep, floor)
-        out[n, 6] = noise[i] * way
+        out[0, n], out[1, n], out[2, n], out[3, n], out[4, n] = s, offset, z, sc, zc
+        out[5, n] = noise[i] * way
+        labels[n] = 2 if i >= returned else _label(offset, z, noise[i], reach, tolerance, sigmas, deep, near_front, floor)
         n += 1
-    return out[:n]
+    return out[:, :n], labels[:n]
 
 
-def near(rays, line, settings, s_min, s_max, z_min, z_max):
-    """The rays that cross the window of the plane, or end in the space before and behind it, as Crossings."""
-    scan = settings.gap
-    table = _near(
+def near(rays, line, settings, s_min, s_max):
+    """The rays that cross a stretch of the plane, or end before or behind it, as Crossings.
+
+    Heights from ``gap/low`` to over the lintel; the space from ``volume/passage_before`` before to
+    ``volume/passage`` behind.
+    """
+    scan, volume = settings.gap, settings.volume
+    table, labels = _near(
         rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
-        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_min, s_max, z_min, z_max,
-        settings.ground.floor_height)
-    columns = np.ascontiguousarray(table.T)
-    return Crossings(columns[0], columns[1], columns[2], columns[3], columns[4], columns[5].astype(np.int8), columns[6])
+        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_min, s_max, scan.low,
+        settings.door.height + 0.4, scan.front_depth, -volume.passage_before - 0.1, volume.passage + 0.1, settings.ground.floor_height)
+    return Crossings(table[0], table[1], table[2], table[3], table[4], labels, table[5])
 
 
 def line_from_points(a, b, sensor_xy):

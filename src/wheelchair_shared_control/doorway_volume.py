@@ -3,7 +3,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wheelchair_shared_control.doorway_rays import DEEP, FRONT, SHALLOW, WALL
+from wheelchair_shared_control.doorway_rays import BEFORE, DEEP, FRONT, SHALLOW, WALL
 
 
 class Verdict(NamedTuple):
@@ -24,7 +24,7 @@ def judge(near, jambs, settings):
     if not door.min_width <= width <= door.max_width:
         return refuse("%.2f m wide" % width)
     support = []
-    for side, edge in ((-1.0, left), (1.0, right)):
+    for side, edge in ((-1.0, jambs.wall_left), (1.0, jambs.wall_right)):
         reason, share = _jamb(near, side, edge, settings)
         if reason:
             return refuse(reason + (" left" if side < 0 else " right"))
@@ -32,7 +32,7 @@ def judge(near, jambs, settings):
 
     # what stands in the volume between the jambs, from the wall's front to behind its back
     inner = (near.s > left + volume.margin) & (near.s < right - volume.margin)
-    body = inner & (near.offset > -volume.before) & (near.offset < max(jambs.thickness, 0.1) + volume.behind) & (
+    body = inner & (near.offset > -volume.before) & (near.offset < max(2.0 * jambs.plane, 0.1) + volume.behind) & (
         near.z > settings.gap.low) & (near.z < door.height)
     through = (near.s_cross > left + volume.margin) & (near.s_cross < right - volume.margin) & (near.label == DEEP)
     n_through = int(through.sum())
@@ -41,7 +41,7 @@ def judge(near, jambs, settings):
         return refuse("%.0f %% of the rays end in it" % (100.0 * blocked))
 
     # enough of it must be seen to be open, low down too: else it is a window, or unknown (glass, a shadow)
-    seen, low = _coverage(near, left, right, jambs.thickness, settings)
+    seen, low = _coverage(near, left, right, settings)
     if seen < volume.min_seen:
         return refuse("%.0f %% of it seen to be open" % (100.0 * seen))
     if low < volume.min_low:
@@ -60,7 +60,7 @@ def _jamb(near, side, edge, settings):
     outward = side * (near.s_cross - edge)
     beside = (outward > jamb.clear) & (outward < jamb.clear + jamb.support_width) & (near.label != FRONT) & (
         near.z_cross > settings.gap.low)
-    on_wall = beside & (near.label == WALL)
+    on_wall = beside & ((near.label == WALL) | (near.label == BEFORE))
     if on_wall.sum() < jamb.min_points:
         return "one jamb only: none seen", 0.0
     z = near.z_cross[on_wall]
@@ -70,7 +70,7 @@ def _jamb(near, side, edge, settings):
     share = on_wall.sum() / float(beside.sum())
     # rays that pass above what stands there: furniture
     top = float(np.percentile(z, 98))
-    above = beside & (near.label >= SHALLOW) & (near.z_cross > top + 0.03) & (near.z_cross < jamb.full_height)
+    above = beside & ((near.label == SHALLOW) | (near.label == DEEP)) & (near.z_cross > top + 0.03) & (near.z_cross < jamb.full_height)
     if above.sum() > 0.1 * beside.sum() and top < jamb.full_height - 0.1:
         return "jamb ends at %.2f m:" % top, 0.0
     if share < jamb.min_share:
@@ -78,7 +78,7 @@ def _jamb(near, side, edge, settings):
     return "", share
 
 
-def _coverage(near, left, right, thickness, settings):
+def _coverage(near, left, right, settings):
     """Share of the gap's columns that rays are seen to pass, at all heights and near the floor."""
     volume = settings.volume
     n = max(int((right - left) / 0.04), 1)
@@ -91,7 +91,7 @@ def _coverage(near, left, right, thickness, settings):
     # nor does one that ends beside the way block it: it has left the volume behind a jamb
     aside = (near.label == SHALLOW) & ((near.s < left - volume.margin) | (near.s > right + volume.margin))
     deep = inside & ((near.label == DEEP) | aside)
-    shut = inside & (near.label != DEEP) & (near.label != FRONT) & ~reveal & ~aside
+    shut = inside & ((near.label == WALL) | (near.label == SHALLOW)) & ~reveal & ~aside
 
     def columns(mask):
         return np.bincount(column[mask], minlength=n)[:n]
