@@ -1,7 +1,7 @@
 """The way that a competent person takes to a door and through it, and the stick that keeps to it.
 
-All in the door's frame: x along the crossing, 0 in the plane; y to the left of it; metres, radians. The last leg
-lies on the door's axis and begins at least ``drive/square`` before the plane.
+Outside, poses are in the door's frame (x along the crossing, 0 in the plane, y to the left of it); inside, in that
+of the line through the gap with most room. The leg through the gap begins at least ``drive/square`` before the plane.
 """
 import numpy as np
 
@@ -10,7 +10,10 @@ from wheelchair_shared_control.assistance import ASSISTING
 from wheelchair_shared_control.ground import from_world, room
 from wheelchair_shared_control.person import along_leg, turn_on_the_spot
 from wheelchair_shared_control.values import STOP, Twist
-from wheelchair_shared_control.way_plan import MARGIN, Leg, plan, settles
+from wheelchair_shared_control.way_plan import MARGIN, Leg, crossing_line, plan, settles
+
+
+TOUCH = 0.012  # m: half a cell of the ground's grid; less room counts as a touch
 
 
 class Way:
@@ -18,8 +21,12 @@ class Way:
 
     def __init__(self, settings, chair, door_pose_world, world=None):
         self.settings, self.chair = settings, chair
-        self._ground = None if world is None else from_world(world, door_pose_world)
-        self.half_gap = None if world is None else self._ground.half_gap
+        self._ground, self._line = None, np.zeros(3)
+        if world is not None:
+            ground = from_world(world, door_pose_world)
+            self._line = crossing_line(settings, chair, ground)
+            moved = bool(np.any(self._line))
+            self._ground = from_world(world, se2.compose(door_pose_world, self._line)) if moved else ground
         self._legs, self._turning, self._planned = [], False, False
         self._moved, self._moved_at = None, None
         self._backing = False
@@ -32,14 +39,16 @@ class Way:
     def turn_to(self, now, pose, twist, error):
         """Stick that turns the chair by ``error`` [rad] on the spot; along the way first where walls forbid that."""
         if self._ground is not None and abs(error) > 0.1:
-            yaws = pose[2] + np.linspace(0.0, error, 2 + int(abs(error) / 0.1))
-            poses = np.column_stack((np.full_like(yaws, pose[0]), np.full_like(yaws, pose[1]), yaws))
+            here = self._on_line(pose)
+            yaws = here[2] + np.linspace(0.0, error, 2 + int(abs(error) / 0.1))
+            poses = np.column_stack((np.full_like(yaws, here[0]), np.full_like(yaws, here[1]), yaws))
             if room(self._ground, self.chair, poses[1:]).min() < 0.5 * self.settings.plan.minimum:
                 return self.steer(now, pose, twist)
         return Twist(0.0, turn_on_the_spot(error, self.settings))
 
     def steer(self, now, pose, twist, assistance_state=0):
         """Stick ``Twist`` at a believed pose (3,) and velocity."""
+        pose = self._on_line(pose)
         if not self._planned or self._led_off(pose):
             self._legs, self._planned = self._plan(pose), True
             self._begin_leg(pose)
@@ -48,14 +57,25 @@ class Way:
             return STOP
         if assistance_state != ASSISTING and self._stuck(now, pose):
             self._back_off(pose)
-        elif not self._backing and self._misses_gap(pose):
-            self._back_off(pose)
+        command = self._follow(pose)
+        if assistance_state != ASSISTING and self._would_touch(pose, command):
+            if not self._backing:
+                self._back_off(pose)
+                command = self._follow(pose)
+            if self._would_touch(pose, command):
+                command = STOP
+        self._note_motion(now, pose, command)
+        return command
+
+    def _on_line(self, pose):
+        return se2.compose(se2.inverse(self._line), pose)
+
+    def _follow(self, pose):
         leg = self._legs[0]
         command, self._turning = along_leg(pose, leg, self._speed(pose, leg), self._turning, self.settings)
         if self._turning and not self._may_turn(pose):
             # In the gap there is no room to turn on the spot: creep on and let the path's pull do it.
             command = Twist(0.4 * self.settings.drive.careful, command.w)
-        self._note_motion(now, pose, command)
         return command
 
     # ---- plan --------------------------------------------------------------------------------------
@@ -83,7 +103,7 @@ class Way:
             if left > self._rounding():
                 return
             self._legs = self._legs[1:]
-            if not self._legs and leg.reverse:  # backed off: look again
+            if not self._legs and self._backing:  # backed off: look again
                 self._legs = self._plan(pose)
                 self._begin_leg(pose)
                 return
@@ -119,8 +139,8 @@ class Way:
         if leg.reverse:
             speed = drive.careful
         elif self._in_gap(pose, 0.5):
-            room = 0.2 if self.half_gap is None else self.half_gap - self.chair.half_width
-            share = np.clip((room - 0.04) / 0.1, 0.0, 1.0)
+            beside = 0.2 if self._ground is None else self._ground.half_gap - self.chair.half_width
+            share = np.clip((beside - 0.04) / 0.1, 0.0, 1.0)
             speed = drive.careful + share * (drive.door - drive.careful)
         if len(self._legs) == 1 or self._rounding() <= 0.02:
             speed = min(speed, max(0.08, np.sqrt(2.0 * drive.braking * max(0.0, left))))
@@ -135,20 +155,39 @@ class Way:
 
     # ---- what a person does when it goes wrong ------------------------------------------------------
 
-    def _misses_gap(self, pose):
-        """Whether a front corner would meet a jamb, seen just before it does."""
-        if self.half_gap is None or not -0.25 < pose[0] + self.chair.front < -0.08:
+    def _would_touch(self, pose, command):
+        """Whether the stick would bring the chair to a wall within the time that a person needs to stop it."""
+        if self._ground is None or (command.v == 0.0 and command.w == 0.0):
             return False
-        front = se2.transform_points(pose, [[self.chair.front, s * self.chair.half_width] for s in (1, -1)])
-        return bool(np.abs(front[:, 1]).max() > self.half_gap - 0.01)
+        ahead = se2.integrate(pose, command.v, command.w, 0.4)
+        now, then = room(self._ground, self.chair, np.stack((pose, ahead)))
+        return bool(then < TOUCH and then < now - 0.002)
 
     def _back_off(self, pose):
-        """One leg straight back, far enough to meet the axis anew, then a new plan."""
+        """One leg straight back, far enough to meet the axis anew, or as far as there is room; then a new plan.
+
+        Where there is none behind, a little ahead.
+        """
         again = pose[0] + self.settings.drive.square + MARGIN
         length = max(self.settings.drive.back_off, again if pose[0] < 0.0 else 0.0)
-        back = pose[:2] - length * np.array([np.cos(pose[2]), np.sin(pose[2])])
-        self._legs, self._turning, self._backing = [Leg(pose[:2].copy(), back, reverse=True)], False, True
+        forward = np.array([np.cos(pose[2]), np.sin(pose[2])])
+        behind, ahead = self._free_run(pose, -forward, length), self._free_run(pose, forward, 0.2)
+        if behind >= 0.1 or behind >= ahead:
+            leg = Leg(pose[:2].copy(), pose[:2] - max(behind, 0.05) * forward, reverse=True)
+        else:
+            leg = Leg(pose[:2].copy(), pose[:2] + ahead * forward)
+        self._legs, self._turning, self._backing = [leg], False, True
         self._moved = None
+
+    def _free_run(self, pose, direction, length):
+        """How far [m] the chair can be pushed along ``direction`` (2,), at most ``length``."""
+        if self._ground is None:
+            return length
+        steps = np.arange(0.0, length + 0.05, 0.05)
+        poses = np.column_stack((pose[:2] + steps[:, None] * direction, np.full(len(steps), pose[2])))
+        free = room(self._ground, self.chair, poses)
+        blocked = (free < TOUCH) & (free < free[0])
+        return float(steps[max(0, int(np.argmax(blocked)) - 1)]) if blocked.any() else length
 
     def _note_motion(self, now, pose, command):
         pushed = abs(command.v) > 0.05 or abs(command.w) > 0.1

@@ -1,6 +1,6 @@
 """Legs from where the chair stands, onto a door's axis, through the gap and clear of it.
 
-Everything in the door's frame; a way is a list of ``Leg``, between two of them the chair turns on the spot or rounds
+Everything in the frame of ``crossing_line`` (in a plain wall the door's); a way is a list of ``Leg``, between two of them the chair turns on the spot or rounds
 the corner. The leg through the gap lies on the axis and begins at least ``drive/square`` before the plane.
 """
 from typing import NamedTuple
@@ -56,6 +56,27 @@ def plan(pose, settings, chair, ground=None):
     if best is None and ground is not None:
         best = _searched(pose, settings, chair, ground, axis_end)
     return on_axis if best is None else best + exit_legs[1:]
+
+
+def crossing_line(settings, chair, ground):
+    """Pose (3,) of the straight line on which the chair has most room through the gap, in the door's frame.
+
+    In a plain wall that is the door's axis; where walls or furniture continue the gap on one side, it is moved and
+    turned a little.
+    """
+    x = np.arange(-settings.drive.square, CLEAR - chair.rear + 1e-9, 0.05)
+    in_gap = x <= 0.1 - chair.rear
+    best, highest = np.zeros(3), -np.inf
+    for turn in np.radians(np.arange(-16.0, 16.1, 2.0)):
+        for beside in np.arange(-0.16, 0.161, 0.02):
+            line = np.array([0.0, beside, turn])
+            free = room(ground, chair, se2.compose(line, np.column_stack((x, np.zeros((len(x), 2))))))
+            wanted = settings.plan.clearance
+            score = min(free[in_gap].min(), wanted) + 0.5 * min(free[~in_gap].min(), wanted)
+            score -= 0.1 * abs(turn) + 0.05 * abs(beside)
+            if score > highest + 1e-9:
+                best, highest = line, score
+    return best
 
 
 def least_room(pose, legs, chair, ground, until=np.inf):
