@@ -10,6 +10,8 @@ import open3d as o3d
 
 from wheelchair_shared_control import doorway_gaps, doorway_ground, doorway_jambs, doorway_rays, doorway_volume
 from wheelchair_shared_control import doorway_walls
+from wheelchair_shared_control.camera import Camera
+from wheelchair_shared_control.camera import base_from_camera as base_from_camera_of
 from wheelchair_shared_control.doorway_tracker import DoorwayTracker
 from wheelchair_shared_control.values import Doorway
 
@@ -83,6 +85,18 @@ def detect_points(points, settings, origin=(0.0, 0.0, 0.0), level_from_points=No
         ground = doorway_ground.Ground(corrected[0], True, corrected[1])
         rays = doorway_rays.transformed(rays, corrected[0])
     return _detect(rays, rays.points, ground, settings, stamp)
+
+
+def warm_up(settings):
+    """Compile the array kernels, or load them from the cache: the first image then takes no longer than others."""
+    camera = Camera(64, 48, 58.0, 58.0, 31.5, 23.5)
+    image = np.full((48, 64), 2.0, np.float32)
+    image[:, 20:44] = 4.0
+    detect_depth(image, camera, base_from_camera_of(0.0, 1.1, 0.0), settings)
+    rays = doorway_rays.from_image(image, camera, base_from_camera_of(0.0, 1.1, 0.0), settings)
+    line = doorway_rays.line_from_normal((1.0, 0.0), (2.0, 0.0), (0.0, 0.0))
+    doorway_gaps.scan(rays, line, settings)
+    doorway_rays.near(rays, line, settings, -1.0, 1.0)
 
 
 def _nothing(reason):

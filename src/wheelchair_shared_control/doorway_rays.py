@@ -222,7 +222,8 @@ def _near(points, noise, returned, origin, line_origin, along, normal, lean, hei
             continue
         out[0, n], out[1, n], out[2, n], out[3, n], out[4, n] = s, offset, z, sc, zc
         out[5, n] = noise[i] * way
-        labels[n] = 2 if i >= returned else _label(offset, z, noise[i], reach, tolerance, sigmas, deep, near_front, floor)
+        labels[n] = 2 if i >= returned else _label(
+            offset, z, noise[i], reach, tolerance, sigmas, deep, near_front, floor)
         n += 1
     return out[:, :n], labels[:n]
 
@@ -237,7 +238,8 @@ def near(rays, line, settings, s_min, s_max):
     table, labels = _near(
         rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
         line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_min, s_max, scan.low,
-        settings.door.height + 0.4, scan.front_depth, -volume.passage_before - 0.1, volume.passage + 0.1, settings.ground.floor_height)
+        settings.door.height + 0.4, scan.front_depth, -volume.passage_before - 0.1, volume.passage + 0.1,
+        settings.ground.floor_height)
     return Crossings(table[0], table[1], table[2], table[3], table[4], labels, table[5])
 
 

@@ -120,3 +120,12 @@ class DoorwayTracker:
         half = track.width / 2.0
         jambs = se2.transform_points(pose, np.array([[0.0, half], [0.0, -half]]))
         return Doorway(pose, track.width, track.confidence, jambs, track.covariance, track.stamp)
+
+
+def in_frame(a_from_b, doorway):
+    """A ``Doorway`` of frame b in frame a, ``a_from_b`` (3,): pose, jambs and covariance."""
+    cos, sin = np.cos(a_from_b[2]), np.sin(a_from_b[2])
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return doorway._replace(
+        pose=se2.compose(a_from_b, doorway.pose), jambs=se2.transform_points(a_from_b, doorway.jambs),
+        covariance=turn @ doorway.covariance @ turn.T)

@@ -70,7 +70,8 @@ def _jamb(near, side, edge, settings):
     share = on_wall.sum() / float(beside.sum())
     # rays that pass above what stands there: furniture
     top = float(np.percentile(z, 98))
-    above = beside & ((near.label == SHALLOW) | (near.label == DEEP)) & (near.z_cross > top + 0.03) & (near.z_cross < jamb.full_height)
+    above = beside & ((near.label == SHALLOW) | (near.label == DEEP)) & (near.z_cross > top + 0.03) & (
+        near.z_cross < jamb.full_height)
     if above.sum() > 0.1 * beside.sum() and top < jamb.full_height - 0.1:
         return "jamb ends at %.2f m:" % top, 0.0
     if share < jamb.min_share:
