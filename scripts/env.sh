@@ -2,7 +2,7 @@
 # A workspace that was sourced before stays in reach, behind this one.
 
 _wsc_root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
-if [ ! -f "$_wsc_root/.catkin_ws/devel/setup.bash" ] || [ ! -x "$_wsc_root/.venv/bin/python" ]; then
+if [ ! -f "$_wsc_root/build/catkin_ws/devel/setup.bash" ] || [ ! -x "$_wsc_root/.venv/bin/python" ]; then
   echo "env.sh: nothing is built yet: run $_wsc_root/scripts/setup.sh first" >&2
   unset _wsc_root
   return 1 2>/dev/null || exit 1
@@ -15,7 +15,7 @@ _wsc_source() { . "$1" --extend; }
 if [ -f /opt/ros/noetic/setup.bash ]; then
   _wsc_source /opt/ros/noetic/setup.bash
 fi
-_wsc_source "$_wsc_root/.catkin_ws/devel/setup.bash"
+_wsc_source "$_wsc_root/build/catkin_ws/devel/setup.bash"
 
 # The environment's Python first on the path, once.
 PATH=":$PATH:"

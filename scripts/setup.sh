@@ -5,7 +5,7 @@ set -Eeuo pipefail
 trap 'echo "setup.sh: stopped at line $LINENO" >&2' ERR
 
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
-workspace="$root/.catkin_ws"
+workspace="$root/build/catkin_ws"
 venv="$root/.venv"
 system_python=/usr/bin/python3
 name=wheelchair_shared_control
@@ -18,7 +18,7 @@ case "${1:-}" in
   -h | --help)
     echo "usage: scripts/setup.sh"
     echo "Installs system packages (apt, as root or by sudo), makes .venv from /usr/bin/python3 with the"
-    echo "requirements, and builds the catkin workspace .catkin_ws. Does nothing where nothing is missing."
+    echo "requirements, and builds the catkin workspace build/catkin_ws. Does nothing where nothing is missing."
     exit 0 ;;
   *) fail "unknown argument '$1' (see --help)" ;;
 esac
@@ -105,6 +105,7 @@ fingerprint() {
     echo "$root" "$(readlink -f "$system_python")"
     cd "$root"
     cat CMakeLists.txt package.xml setup.py msg/* srv/*
+    ls --ignore=build --ignore=output
     { find msg srv nodes scripts test/rostest -maxdepth 1 -type f 2>/dev/null || true; } | sort
   } | cksum
 }
@@ -119,10 +120,18 @@ build() {
     && ! grep -q "^CMAKE_HOME_DIRECTORY:INTERNAL=$workspace/src\$" "$workspace/build/CMakeCache.txt"; then
     rm -rf "$workspace/build" "$workspace/devel"
   fi
-  mkdir -p "$workspace/src"
-  # Where the checkout itself lies in a catkin workspace, that one must not find the package twice.
-  touch "$workspace/CATKIN_IGNORE"
-  ln -sfn ../.. "$workspace/src/$name"
+  # The package in our workspace is a folder of links to the checkout's entries: were it the checkout itself,
+  # rosrun would find every program a second time, in build/. In a user's own workspace, where the package is the
+  # checkout, rosrun leaves build/ out by itself.
+  local package="$workspace/src/$name" entry
+  rm -rf "$package"
+  mkdir -p "$package"
+  for entry in "$root"/*; do
+    case "${entry##*/}" in
+      build | output) ;;
+      *) ln -s "../../../../${entry##*/}" "$package/" ;;
+    esac
+  done
   # A foreign workspace that happens to be sourced would be baked into ours.
   local clean=(env -u CMAKE_PREFIX_PATH -u ROS_PACKAGE_PATH -u PYTHONPATH -u PKG_CONFIG_PATH -u LD_LIBRARY_PATH
     PATH="$venv/bin:/usr/local/bin:/usr/bin:/bin")

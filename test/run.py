@@ -118,7 +118,7 @@ def end_marked(mark):
 
 def lint(tally, only=None):
     """Style, the catkin package, and the promise that the core never talks to ROS."""
-    workspace_copy = ROOT / ".catkin_ws" / "src" / PACKAGE
+    workspace_copy = ROOT / "build" / "catkin_ws" / "src" / PACKAGE
     checks = {
         "ruff": ["ruff", "check", "--output-format=concise", "."],
         # rosdep's database needs the network and says nothing about Debian's packages.
