@@ -116,6 +116,14 @@ def end_marked(mark):
         time.sleep(1.0)
 
 
+def forget(path):
+    """Remove a result of an earlier run: it must never pass for one of this run."""
+    if path.is_dir():
+        shutil.rmtree(str(path))
+    elif path.exists():
+        path.unlink()
+
+
 def lint(tally, only=None):
     """Style, the catkin package, and the promise that the core never talks to ROS."""
     workspace_copy = ROOT / "build" / "catkin_ws" / "src" / PACKAGE
@@ -142,6 +150,7 @@ def lint(tally, only=None):
 def unit(tally, results, only=None):
     """pytest of test/unit; NAME is a module (``guard``) or an expression of pytest's -k."""
     path = results / "unit.xml"
+    forget(path)
     module = ROOT / "test" / "unit" / ("test_%s.py" % (only or "").replace("test_", ""))
     selection = [] if only is None else [module] if module.exists() else ["-k", only]
     # Not captured: the progress is worth seeing.
@@ -174,6 +183,7 @@ def rostests(tally, results, only=None):
     for path in files:
         name = "rostest: " + path.stem
         base = results / "rostest" / path.stem
+        forget(base)
         started = time.monotonic()
         code, output = run(
             ["rostest", "--pkgdir=%s" % ROOT, "--package=%s" % PACKAGE, "--results-base-dir=%s" % base,
@@ -213,11 +223,8 @@ def main():
     parser.add_argument("part", nargs="?", choices=["all", "lint", "unit", "rostest"], default="all")
     parser.add_argument("name", nargs="?", help="one check, one test module or -k expression, one .test file")
     args = parser.parse_args()
-    # Results live outside what git sees, and never survive from an earlier run.
     results = ROOT / "output" / "test"
-    if results.exists():
-        shutil.rmtree(str(results))
-    results.mkdir(parents=True)
+    results.mkdir(parents=True, exist_ok=True)
     os.environ["ROS_HOME"] = str(results / "ros")
     tally = Tally()
     started = time.monotonic()
