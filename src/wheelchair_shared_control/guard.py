@@ -16,7 +16,7 @@ from wheelchair_shared_control.values import STOP, Twist
 
 FREE, SLOWED, STOPPED, DEGRADED = 0, 1, 2, 3
 SCALES = (0.85, 0.7, 0.55, 0.4, 0.28, 0.18, 0.1, 0.05)
-GROUND_CELLS = 1024  # remembered ground: 25.6 m a side, older cells are overwritten
+GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
 # The outline is taken smaller by this much [m] where unknown ground is concerned, both for what counts as driven
 # over and for what must not be entered: a chair that drives back along its own track deviates by a little.

@@ -120,6 +120,7 @@ class SharedControl:
         self._centre = ""  # why the stick must be centred before the chair moves again
         self._dead_costmap = False
         self._silent = True
+        self._by_policy = False
         self._cached = (None, None)
 
     def warm_up(self):
@@ -210,11 +211,12 @@ class SharedControl:
             now, inputs.user, inputs.planner, blended, sent, *features_,
             *learned[:4], math.nan if result is None else result.sigma, None if result is None else result.beta,
             learned[4], sensors.clearance, guard_state, self.policy_name, reason,
-            stopped or guard_state == STOPPED, drives and self._assisting(inputs), self._fault, ages, guard_point,
+            stopped or guard_state == STOPPED, drives and self._by_policy, self._fault, ages, guard_point,
         )
 
     def _command(self, inputs, prediction, user, sensors):
         """The policy's result, or the user's command where nobody assists."""
+        self._by_policy = False
         limits = self.settings.wheelchair.limits
         if sensors.degraded:
             cap = self.settings.degraded
@@ -227,6 +229,7 @@ class SharedControl:
         if waits:
             return blending.PolicyResult(user, None), waits
         planner = STOP if inputs.planner is None else within_limits(inputs.planner, limits)
+        self._by_policy = True
         result = self._policy(
             blending.Tick(
                 inputs.now, user, planner, np.asarray(inputs.odometry.pose, dtype=float), inputs.odometry.twist,

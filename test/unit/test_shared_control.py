@@ -1,0 +1,350 @@
+"""Ages, faults, silence and hand-over of the blender, tick by tick, without ROS."""
+import math
+
+import numpy as np
+import pytest
+
+from wheelchair_shared_control import blending, parameters
+from wheelchair_shared_control.assistance import ARRIVED, ASSISTING, FAULT, MANUAL
+from wheelchair_shared_control.grid import Grid
+from wheelchair_shared_control.guard import DEGRADED, FREE
+from wheelchair_shared_control.shared_control import Inputs, SharedControl
+from wheelchair_shared_control.task_model import Prediction
+from wheelchair_shared_control.values import STOP, Odometry, Ranges, Twist
+
+SETTINGS = parameters.load("blender")
+LIMITS = SETTINGS.wheelchair.limits
+TICK = 1.0 / 30.0
+FREE_GROUND = Grid(np.zeros((240, 240), np.int8), 0.025, (-3.0, -3.0), 0.0)
+MODEL = Prediction(0.0, 0.0, 0.1, 0.1, 0.0)
+CENTRE, AHEAD = Twist(0.0, 0.0), Twist(0.4, 0.0)
+
+
+class Run:
+    """Feeds a blender; an input named in ``dead`` keeps the stamp that it had when it died.
+
+    The chair stands still for the sensors: what is tested is which command leaves the blender.
+    """
+
+    def __init__(self, policy="learned_variance", settings=SETTINGS, **kwargs):
+        self.control = SharedControl(settings, policy, **kwargs)
+        self.now = 100.0
+        self.stamps = {}
+        self.values = dict(user=AHEAD, planner=Twist(0.4, 0.2), assistance=MANUAL, prediction=MODEL)
+        self.values.update(grid=FREE_GROUND, ranges=np.full(6, np.inf), odometry=Odometry(0.0, np.zeros(3), STOP))
+        self.dead = set()
+        self.log = []
+
+    def inputs(self, **changes):
+        for name in ("user", "planner", "odom", "grid", "grid_received", "ranges", "prediction"):
+            if name not in self.dead:
+                self.stamps[name] = self.now
+        values, stamps = self.values, self.stamps
+        return Inputs(
+            self.now, values["user"], stamps.get("user", -math.inf), values["planner"],
+            stamps.get("planner", -math.inf), values["odometry"]._replace(stamp=stamps["odom"]),
+            values["grid"]._replace(stamp=stamps["grid"]), stamps["grid_received"],
+            Ranges(stamps["ranges"], values["ranges"]), values["assistance"],
+            prediction_stamp=stamps.get("prediction", -math.inf),
+        )._replace(**changes)
+
+    def go(self, duration, dead=None, changes=None, **values):
+        """Tick for ``duration`` [s] with ``values`` changed and exactly the inputs ``dead`` silent."""
+        self.values.update(values)
+        if dead is not None:
+            self.dead = set(dead)
+        states = []
+        for _ in range(int(round(duration / TICK))):
+            self.now += TICK
+            states.append(self.control.update(self.inputs(**(changes or {})), self.values["prediction"]))
+        self.log += states
+        return states
+
+
+def driving(policy="learned_variance", assistance=MANUAL, **kwargs):
+    """A run that has reached its speed."""
+    run = Run(policy, **kwargs)
+    run.go(0.2)
+    states = run.go(2.0, assistance=assistance)
+    assert states[-1].sent.v == pytest.approx(0.4)
+    return run
+
+
+def moves(state):
+    return state.sent is not None and state.sent != STOP
+
+
+def assert_ramps_down(states):
+    """From 0.4 m/s at 0.8 m/s2 without jerk limit: zero after 0.5 s."""
+    speeds = [0.0 if state.sent is None else state.sent.v for state in states]
+    drops = -np.diff(speeds)
+    assert (drops >= -1e-9).all() and drops.max() <= LIMITS.acceleration * TICK + 1e-9
+    moving = [speed for speed in speeds if speed > 0.0]
+    assert 0.4 < len(moving) * TICK <= 0.55
+
+
+# input that dies, seconds until the chair begins to stop, words of the reason
+DEATHS = [
+    ("user", ["user"], 0.5, "user's command is"),
+    ("odometry", ["odom"], 0.3, "odometry is"),
+    ("costmap still coming with an old stamp", ["grid"], 0.4, "costmap is"),
+    ("rangers", ["ranges"], 0.5, "ranger ir_left_front is"),
+]
+
+
+@pytest.mark.parametrize("title, dead, limit, words", DEATHS, ids=[row[0] for row in DEATHS])
+def test_a_stale_input_stops_the_chair_and_recovers_by_itself(title, dead, limit, words):
+    run = driving()
+    # an input is repeated at most until its time-out
+    states = run.go(limit - 2 * TICK, dead=dead)
+    assert all(state.sent.v == pytest.approx(0.4) for state in states)
+    states = run.go(2.0)
+    held = [state for state in states if state.stopped]
+    assert len(held) >= len(states) - 4 and words in held[0].reason
+    assert_ramps_down(held)
+    assert not moves(states[-1])
+    states = run.go(2.0, dead=[])
+    assert states[-1].sent.v == pytest.approx(0.4) and states[-1].reason == ""
+
+
+def test_nobody_at_the_stick_is_one_zero_and_then_silence():
+    run = driving()
+    states = run.go(2.5, dead=["user"])
+    sent = [state.sent for state in states]
+    first_silence = sent.index(None)
+    assert sent[first_silence - 1] == STOP and sent[first_silence - 2] != STOP
+    assert all(command is None for command in sent[first_silence:])
+
+
+def test_nothing_is_said_before_anybody_drives():
+    run = Run()
+    run.dead = {"user"}
+    states = run.go(1.0, user=None)
+    assert all(state.sent is None for state in states) and states[-1].reason == "no user's command yet"
+
+
+def test_a_stopped_chair_is_held_while_somebody_pushes_the_stick():
+    run = driving()
+    assert run.go(3.0, dead=["odom"])[-1].sent == STOP
+
+
+@pytest.mark.parametrize("command", [(math.nan, 0.0), (0.3, math.nan), (math.inf, 0.0), (0.3, -math.inf)])
+def test_a_users_command_that_is_not_finite_stops_the_chair(command):
+    run = driving()
+    states = run.go(1.0, user=Twist(*command))
+    assert states[0].stopped and "not finite" in states[0].reason and states[-1].sent == STOP
+    assert moves(run.go(1.0, user=AHEAD)[-1])
+
+
+def test_a_users_command_that_leaves_the_plane_stops_the_chair():
+    run = driving()
+    states = run.go(1.0, changes=dict(user_planar=False))
+    assert states[-1].sent == STOP and "leaves the plane" in states[-1].reason
+
+
+def test_odometry_that_is_not_finite_stops_the_chair():
+    run = driving()
+    broken = Odometry(0.0, np.array([math.nan, 0.0, 0.0]), STOP)
+    states = run.go(1.0, odometry=broken)
+    assert states[-1].sent == STOP and states[-1].reason == "odometry is not finite"
+    assert moves(run.go(1.0, odometry=broken._replace(pose=np.zeros(3)))[-1])
+
+
+def test_a_ranger_that_only_says_nan_is_a_dead_one():
+    run = driving()
+    broken = np.full(6, np.inf)
+    broken[5] = np.nan
+    states = run.go(2.0, ranges=broken)
+    assert states[-1].sent == STOP and "right_rear" in states[-1].reason
+
+
+@pytest.mark.parametrize(
+    "user, sent", [((5.0, 0.0), (0.6, 0.0)), ((0.6, 4.0), (0.15, 1.0)), ((-9.0, 0.0), (-0.6, 0.0))]
+)
+def test_a_command_beyond_the_limits_keeps_its_arc(user, sent):
+    run = Run("user")
+    assert run.go(3.0, user=Twist(*user))[-1].sent == pytest.approx(sent)
+
+
+class TestDegraded:
+    def test_a_dead_costmap_lets_the_person_creep_after_centring(self):
+        run = driving()
+        states = run.go(3.0, dead=["grid", "grid_received"])
+        # first the stamp is old, after 1 s the process counts as dead
+        assert not moves(states[-1]) and states[-1].guard == DEGRADED and "centre the stick" in states[-1].reason
+        run.go(0.2, user=CENTRE)
+        states = run.go(2.0, user=Twist(0.6, 0.0))
+        assert states[-1].sent.v == pytest.approx(0.15) and states[-1].guard == DEGRADED
+        assert "ranges alone" in states[-1].reason
+        # it comes back: full speed at once, no centring
+        assert run.go(2.0, dead=[])[-1].sent.v == pytest.approx(0.6)
+        assert run.log[-1].guard == FREE
+
+    def test_the_ranges_still_guard(self):
+        run = driving()
+        run.go(2.0, dead=["grid", "grid_received"])
+        run.go(0.2, user=CENTRE)
+        near = np.full(6, np.inf)
+        near[0] = 0.16  # 1 cm beside the left front
+        states = run.go(1.0, user=Twist(0.0, 0.5), ranges=near)
+        assert not moves(states[-1]) and "obstacle" in states[-1].reason
+
+    def test_ends_the_assistance(self):
+        run = driving(assistance=ASSISTING)
+        assert "no costmap" in run.go(3.0, dead=["grid", "grid_received"])[-1].fault
+
+    def test_no_costmap_ever(self):
+        run = Run()
+        run.dead = {"grid", "grid_received"}
+        run.stamps.update(grid=-math.inf, grid_received=-math.inf)
+        assert not moves(run.go(2.0, changes=dict(grid=None))[-1])
+        run.go(0.2, changes=dict(grid=None), user=CENTRE)
+        assert run.go(2.0, changes=dict(grid=None), user=AHEAD)[-1].sent.v == pytest.approx(0.15)
+
+
+# policy, input that dies while assisting, its time-out, words of the fault
+FAULTS = [
+    ("learned_variance", "planner", 0.5, "planner's command is"),
+    ("learned_variance", "prediction", 0.15, "task model's answer is"),
+    ("learned_confidence", "prediction", 0.15, "task model's answer is"),
+    ("planner", "planner", 0.5, "planner's command is"),
+]
+
+
+@pytest.mark.parametrize("policy, dead, limit, words", FAULTS)
+def test_a_stale_partner_ends_the_assistance_and_the_person_drives_on(policy, dead, limit, words):
+    run = driving(policy, ASSISTING)
+    assert not any(state.fault for state in run.go(limit - 2 * TICK, dead=[dead]))
+    states = run.go(1.5)
+    assert words in states[-1].fault and states[-1].reason.startswith("fault: ")
+    assert not moves(states[-1])
+    # the stick still pushed: nothing moves, however long
+    assert not moves(run.go(2.0, dead=[])[-1])
+    run.go(0.2, user=CENTRE)
+    states = run.go(2.0, user=Twist(0.3, -0.2))
+    assert states[-1].sent == pytest.approx((0.3, -0.2)) and not states[-1].assisting
+    # asked for anew, it assists again
+    run.go(0.5, assistance=MANUAL)
+    assert run.go(1.0, assistance=ASSISTING, user=AHEAD)[-1].assisting
+
+
+@pytest.mark.parametrize("policy", ["distance", "fixed_share"])
+def test_a_policy_without_model_does_not_miss_it(policy):
+    run = driving(policy, ASSISTING)
+    state = run.go(1.0, dead=["prediction"], prediction=None)[-1]
+    assert state.assisting and not state.fault and math.isnan(state.sigma_l)
+
+
+def test_the_users_policy_does_not_miss_the_planner():
+    run = driving("user", ASSISTING)
+    assert run.go(2.0, dead=["planner", "prediction"])[-1].sent.v == pytest.approx(0.4)
+
+
+def test_a_missing_model_refuses_to_assist_and_lets_the_person_drive():
+    run = Run()
+    run.dead = {"prediction"}
+    run.go(1.0, prediction=None)
+    states = run.go(1.5, assistance=ASSISTING, changes=dict(model_reason="no task model: not advertised"))
+    assert states[-1].fault == "fault: no task model: not advertised" and not moves(states[-1])
+    run.go(0.2, user=CENTRE)
+    assert moves(run.go(1.0, user=AHEAD)[-1])
+
+
+def test_the_planner_has_its_time_from_the_acceptance_on():
+    run = Run()
+    run.dead = {"planner"}
+    run.go(2.0)  # no planner in manual driving
+    states = run.go(0.5 - 2 * TICK, assistance=ASSISTING)
+    assert not any(state.fault for state in states) and states[-1].sent.v == pytest.approx(0.4)
+    assert "waiting for the planner" in states[-1].reason and not states[-1].assisting
+    assert run.go(0.2)[-1].fault
+
+
+@pytest.mark.parametrize("planner", [(math.nan, 0.0), (0.2, math.inf)])
+def test_a_planner_that_is_not_finite_ends_the_assistance(planner):
+    run = driving(assistance=ASSISTING)
+    assert "not finite" in run.go(0.1, planner=Twist(*planner))[-1].fault
+
+
+@pytest.mark.parametrize("field", ["sigma_l", "sigma_r", "log_density"])
+def test_a_prediction_that_is_not_finite_ends_the_assistance(field):
+    run = driving(assistance=ASSISTING)
+    assert "not finite" in run.go(0.1, prediction=MODEL._replace(**{field: math.nan}))[-1].fault
+
+
+def test_a_policy_that_gives_nan_stops_the_chair(tmp_path):
+    path = tmp_path / "bad.py"
+    path.write_text(
+        "from wheelchair_shared_control.blending import PolicyResult\n"
+        "from wheelchair_shared_control.values import Twist\n"
+        "def nan(tick, memory):\n    return PolicyResult(Twist(float('nan'), 0.0), None)\n"
+    )
+    run = Run("%s:nan" % path)
+    run.go(0.5)
+    states = run.go(1.5, assistance=ASSISTING)
+    assert "not finite" in states[-1].fault and not moves(states[-1])
+
+
+class TestHandOver:
+    @pytest.mark.parametrize("after", [ARRIVED, MANUAL])
+    def test_arrival_and_cancel_go_through_the_limiter(self, after):
+        run = driving(assistance=ASSISTING)
+        before = run.log[-1].sent
+        states = run.go(1.0, assistance=after, user=Twist(0.4, -1.0))
+        turns = [before.w] + [state.sent.w for state in states]
+        assert np.abs(np.diff(turns)).max() <= LIMITS.turn_acceleration * TICK + 1e-9
+        assert states[-1].sent == pytest.approx((0.4, -1.0)) and not any(state.stopped for state in states)
+
+    def test_the_assistants_fault_asks_for_centring(self):
+        run = driving(assistance=ASSISTING)
+        assert not moves(run.go(1.5, assistance=FAULT)[-1])
+        run.go(0.2, user=CENTRE)
+        assert moves(run.go(0.5, user=AHEAD)[-1])
+
+    def test_a_fault_before_it_assisted_holds_nobody(self):
+        run = driving()
+        assert moves(run.go(1.0, assistance=FAULT)[-1])
+
+    def test_a_stick_at_rest_keeps_the_chair_at_rest(self):
+        run = driving(assistance=ASSISTING)
+        states = run.go(2.0, user=Twist(0.01, -0.01))
+        assert states[-1].sent == STOP and states[-1].beta is None
+
+    def test_the_planner_alone_needs_nobody(self):
+        run = driving("planner", ASSISTING)
+        states = run.go(2.0, dead=["user"], planner=Twist(-0.2, 0.0))
+        assert states[-1].sent == pytest.approx((-0.2, 0.0))
+        assert not moves(run.go(2.0, assistance=ARRIVED)[-1])
+
+
+def test_the_state_holds_what_entered_the_blend():
+    grid = FREE_GROUND._replace(cells=FREE_GROUND.cells.copy())
+    grid.cells[:, 180:184] = 100  # x from 1.5 m: 0.8 m ahead of the front edge, cell centre at 0.8125
+    run = Run(guard_on=False)
+    run.go(0.5, grid=grid)
+    state = run.go(1.0, assistance=ASSISTING, user=Twist(0.2, 0.5), planner=Twist(0.4, 0.2))[-1]
+    beta = math.exp(-0.3 / 0.3)
+    assert state.beta == pytest.approx(beta) and state.sigma == pytest.approx(0.3)
+    assert state.blended == pytest.approx((0.3, 0.2 + beta * 0.3)) and state.sent == pytest.approx(state.blended)
+    # the wall goes on to both sides: its first cell beside the edge is 0.8125 m ahead and 0.0125 m beside
+    side = math.hypot(0.8125, 0.0125)
+    assert (state.d_l, state.d_f, state.d_r, state.v) == pytest.approx((side, 0.8125, side, 0.0), abs=1e-6)
+    assert state.clearance == pytest.approx(0.8125, abs=1e-3)
+    assert (state.user, state.planner) == ((0.2, 0.5), (0.4, 0.2)) and state.policy == "learned_variance"
+
+
+def test_the_clock_set_back_is_a_new_start():
+    run = driving()
+    run.now = 0.0
+    run.stamps.clear()
+    assert run.go(2.0)[-1].sent.v == pytest.approx(0.4)
+
+
+def test_equal_inputs_give_equal_states():
+    first, second = driving(assistance=ASSISTING), driving(assistance=ASSISTING)
+    assert [state.sent for state in first.log] == [state.sent for state in second.log]
+
+
+def test_unknown_policy():
+    with pytest.raises(blending.PolicyError):
+        SharedControl(SETTINGS, "nonsense")
