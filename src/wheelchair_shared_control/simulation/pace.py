@@ -34,5 +34,7 @@ class Due:
         """Whether it is due at ``time`` [s]; then the next moment is set."""
         if time < self._next - 1e-6:
             return False
-        self._next = max(self._next + self._period, time - self._period + 1e-6)
+        self._next += self._period
+        if self._next <= time:  # after a pause: what was missed stays missed
+            self._next = (time // self._period + 1.0) * self._period
         return True

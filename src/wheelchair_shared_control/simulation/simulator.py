@@ -13,8 +13,10 @@ from wheelchair_shared_control.simulation.wheelchair import Wheelchair
 from wheelchair_shared_control.simulation.world import SceneError
 from wheelchair_shared_control.values import Depth, Odometry, Ranges
 
-WORLD_GROUP, FLOOR_GROUP = 1, 2
-CHAIR_MASK, ROLLING_MASK = 8, 4
+# Collision groups, and whom each may meet: wheels and castors roll on the floor, the chair's prism meets the world.
+# The person meets nobody: they are not pushed about by physics, their touches are found by distance.
+WORLD_GROUP, FLOOR_GROUP, PERSON_GROUP = 1, 2, 16
+CHAIR_MASK, ROLLING_MASK, NOBODY = 8, 4, 0
 ALL_AT_ONCE = 150  # boxes: worlds up to this size are held as a whole
 REFRESH = 1.0      # m: of larger ones the neighbourhood, chosen anew after this way
 CLEARANCE_CAP = 5.0  # m
@@ -75,7 +77,7 @@ class Simulator:
         self._add_meshes()
         self._depth_camera = DepthCamera(self.settings, noise[1], self._size, self._caster)
         self._rangers = Rangers(self.settings, noise[2], self._caster)
-        self._person_body = None if self.person is None else self._add_box(self.person.box(0.0), mask=0)
+        self._person_body = None if self.person is None else self._add_box(self.person.box(0.0), PERSON_GROUP, NOBODY)
         self._steps, self._asked, self._contacts, self.touches = 0, 0.0, {}, []
         self.chair.restart(self._start)
         self._populate()
@@ -220,17 +222,17 @@ class Simulator:
             pybullet.removeBody(body, physicsClientId=self._client)
         for index in np.nonzero(touchable)[0]:
             if int(index) not in self._bodies:
-                body = self._add_box(boxes[index], mask=CHAIR_MASK)
+                body = self._add_box(boxes[index], WORLD_GROUP, CHAIR_MASK)
                 self._bodies[int(index)] = body
                 self._names[body] = names[index]
 
-    def _add_box(self, row, mask):
+    def _add_box(self, row, group, mask):
         shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=list(row[4:7]),
                                               physicsClientId=self._client)
         body = pybullet.createMultiBody(
             0.0, shape, basePosition=list(row[:3]),
             baseOrientation=[0.0, 0.0, np.sin(row[3] / 2.0), np.cos(row[3] / 2.0)], physicsClientId=self._client)
-        pybullet.setCollisionFilterGroupMask(body, -1, WORLD_GROUP, mask, physicsClientId=self._client)
+        pybullet.setCollisionFilterGroupMask(body, -1, group, mask, physicsClientId=self._client)
         pybullet.changeDynamics(body, -1, lateralFriction=0.5, restitution=0.0, physicsClientId=self._client)
         return body
 

@@ -4,6 +4,7 @@ One pybullet client each. The drive wheels are motors with a torque limit that h
 slide; the outline is a prism that meets the world. A wheel touches the floor in one point (a sphere): the
 edge of a cylinder would make the track width uncertain.
 """
+import functools
 import math
 import xml.etree.ElementTree as ElementTree
 from collections import deque
@@ -37,6 +38,7 @@ class Body(NamedTuple):
     castor_y: float
 
 
+@functools.lru_cache(maxsize=4)
 def read_body(path=None):
     """The ``Body`` of a URDF file. Raises SceneError that names file and missing part."""
     path = str(path or parameters.package_file(URDF))
