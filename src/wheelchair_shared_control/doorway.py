@@ -41,16 +41,16 @@ def detect_depth(image, camera, base_from_camera, settings, seed=0, stamp=0.0):
     about the floor. The floor is found within the limits of ``ground/*`` about it; where too little of it is seen
     the mounting is believed. Doorways come in that frame, x y yaw about its z.
     """
-    o3d.utility.random.seed(int(seed))
+    seeded(seed)
     image = np.asarray(image)
     transform = np.asarray(base_from_camera, dtype=float)
     if image.ndim != 2 or image.shape != (camera.height, camera.width):
-        return _nothing("the image is %s, the camera %d x %d" % (
+        return nothing("the image is %s, the camera %d x %d" % (
             " x ".join(str(n) for n in image.shape[::-1]), camera.width, camera.height))
     step = max(1, int(round(np.sqrt(image.size / 5000.0))))
     coarse = doorway_rays.from_image(image, camera, transform, settings, step, step)
     if coarse.returned < settings.ground.min_points:
-        return _nothing("%d valid depths" % coarse.returned)
+        return nothing("%d valid depths" % coarse.returned)
     ground = doorway_ground.Ground(np.eye(4), False, 0)
     corrected = doorway_ground.corrected(coarse.points[:, :coarse.returned].T.astype(float), settings)
     if corrected is not None:
@@ -69,13 +69,13 @@ def detect_points(points, settings, origin=(0.0, 0.0, 0.0), level_from_points=No
     ``level_from_points`` (4, 4) lifts the points into a frame whose z = 0 is about the floor (identity if they are
     in it); the floor is then found as in ``detect_depth``.
     """
-    o3d.utility.random.seed(int(seed))
+    seeded(seed)
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
-        return _nothing("points of shape %s, not (n, 3)" % (points.shape,))
+        return nothing("points of shape %s, not (n, 3)" % (points.shape,))
     rays = doorway_rays.from_points(points, origin, settings)
     if rays.returned < settings.ground.min_points:
-        return _nothing("%d valid points" % rays.returned)
+        return nothing("%d valid points" % rays.returned)
     if level_from_points is not None:
         rays = doorway_rays.transformed(rays, np.asarray(level_from_points, dtype=float))
     stride = max(1, rays.returned // 20000)
@@ -99,7 +99,13 @@ def warm_up(settings):
     doorway_rays.near(rays, line, settings, -1.0, 1.0)
 
 
-def _nothing(reason):
+def seeded(seed):
+    """Seed open3d's RANSAC: equal input then gives equal doorways."""
+    o3d.utility.random.seed(int(seed))
+
+
+def nothing(reason):
+    """The ``Detection`` of an input that cannot be searched."""
     return Detection((), (), (), reason, doorway_ground.Ground(np.eye(4), False, 0))
 
 

@@ -17,6 +17,7 @@ TABLE = [
     P("ground/floor_height", float, "m", 0.0, 0.3, "points below this height are floor"),
     P("ground/iterations", int, "", 10, 10000, "RANSAC draws for the floor"),
     P("ground/min_points", int, "", 3, 100000, "fewest points of a floor, of about 5000 of an image"),
+    P("ground/search_tilt", float, "degree", 0.0, 44.0, "largest tilt of the floor where no mounting is known"),
     P("ground/max_tilt", float, "degree", 0.0, 45.0, "largest tilt of the floor against the mounting's"),
     P("ground/max_height", float, "m", 0.0, 1.0, "largest height of the floor against the mounting's"),
     P("wall/low", float, "m", 0.0, 2.0, "walls are sought above this height, over most furniture"),
