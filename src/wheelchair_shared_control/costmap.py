@@ -29,6 +29,7 @@ from wheelchair_shared_control.costmap_depth import (
 )
 from wheelchair_shared_control.costmap_points import INTRINSICS, SHAPE, count_points
 from wheelchair_shared_control.costmap_rays import trace
+from wheelchair_shared_control.costmap_surface import find_lethal, measure_to_surface
 from wheelchair_shared_control.distance_transform import distance_transform
 from wheelchair_shared_control.errors import Error
 from wheelchair_shared_control.grid import FREE, LETHAL, UNKNOWN, Grid
@@ -44,7 +45,8 @@ class CostmapError(Error):
 class CostmapSnapshot(NamedTuple):
     """One state of the costmap; arrays are (rows, columns), row = y, nobody changes them.
 
-    ``cost`` uint8; ``distance`` float32 [m] from a cell's centre to that of the nearest lethal cell, capped;
+    ``cost`` uint8, from the distances between cells' centres; ``distance`` float32 [m] from a cell's centre to
+    the surface in the nearest lethal cell (finer than a cell, see `costmap_surface`), capped;
     ``known`` bool: seen or driven over; ``origin`` outer corner of cell [0, 0] in odom [m]; ``stamp`` [s]:
     oldest of the required sources' newest observations, -inf while one of them has sent nothing.
     """
@@ -94,7 +96,9 @@ class Costmap:
         ]
         self._own = np.zeros(self._shape, bool)
         self._hits, self._floor, self._drops, self._holes = (np.zeros(self._shape, np.int32) for _ in range(4))
-        self._bands = np.zeros(self._shape, np.uint16)
+        self._bands, self._new_places = np.zeros(self._shape, np.uint16), np.zeros(self._shape, np.uint16)
+        self._nearest = np.zeros(self._shape + (2,), np.int16)
+        self._lethal, self._boxes = np.zeros(self._shape, bool), np.zeros(self._shape + (4,), np.int8)
         self._touched = np.zeros(self._shape, np.uint8)
         self._sphere = np.empty(SHAPE, np.float32)
         self.reset()
@@ -174,7 +178,7 @@ class Costmap:
         origin = np.array(self.origin)
         limits = self._limits(settings)
         count_returns(image, intrinsics, transform, origin, self.resolution, limits,
-                      self._hits, self._bands, self._floor, self._drops)
+                      self._hits, self._bands, self._new_places, self._floor, self._drops)
         count_holes(image, intrinsics, transform, origin, self.resolution,
                     self.settings.floor_near, self.settings.floor_far, self._holes)
         self._apply(image, intrinsics, np.linalg.inv(transform), transform[:3, 3], settings, source, stamp)
@@ -191,7 +195,8 @@ class Costmap:
         self._window()
         self._clear_counters()
         used, filled = count_points(points, sensor, self._sphere, np.array(self.origin), self.resolution,
-                                    self._limits(settings), self._hits, self._bands, self._floor, self._drops)
+                                    self._limits(settings), self._hits, self._bands, self._new_places, self._floor,
+                                    self._drops)
         if used == 0:
             return False
         # points per radian, for what is many: the cloud's density over the directions that it covers
@@ -271,13 +276,14 @@ class Costmap:
         s = self.settings
         forget_brief(self._odds, self._mask, self._known, self._seen, self._last, float(now),
                      s.memory_time, s.static_time)
-        lethal = self._odds >= self._lethal_odds
+        find_lethal(self._odds, self._places, self._lethal_odds, self._lethal, self._boxes)
         distance = np.empty(self._shape, np.float32)
-        distance_transform(lethal, self.resolution, s.distance_cap, distance)
+        distance_transform(self._lethal, self.resolution, s.distance_cap, distance, self._nearest)
         cost = np.empty(self._shape, np.uint8)
         padded = footprints.grown(self.footprint, s.footprint_padding)
         costs(distance, self._known, self.resolution, padded.inscribed_radius, s.inflation_radius,
               s.cost_scaling_factor, s.track_unknown_space, cost)
+        measure_to_surface(distance, self._nearest, self._boxes, self.resolution, s.inflation_radius)
         stamp = min((self.newest.get(name, -math.inf) for name in self._required), default=float(now))
         return CostmapSnapshot(cost, distance, self._known.astype(bool), self.resolution, self.origin, stamp)
 
@@ -285,11 +291,13 @@ class Costmap:
 
     def _layers(self):
         """Every layer of the memory with its value for a cell that was never seen."""
-        return ((self._odds, 0.0), (self._mask, 0), (self._known, 0), (self._seen, 0.0), (self._last, -np.inf))
+        return ((self._odds, 0.0), (self._mask, 0), (self._places, 0), (self._known, 0), (self._seen, 0.0),
+                (self._last, -np.inf))
 
     def _forget_all(self):
         self._odds = np.zeros(self._shape, np.float32)
         self._mask = np.zeros(self._shape, np.uint16)
+        self._places = np.zeros(self._shape, np.uint16)
         self._known = np.zeros(self._shape, np.uint8)
         self._seen = np.zeros(self._shape, np.float32)
         self._last = np.full(self._shape, -np.inf)
@@ -345,7 +353,7 @@ class Costmap:
                 s.floor_tolerance, s.floor_near, s.floor_far, self._wheelchair.camera.min_range)
 
     def _clear_counters(self):
-        for counter in (self._hits, self._bands, self._floor, self._drops, self._holes):
+        for counter in (self._hits, self._bands, self._new_places, self._floor, self._drops, self._holes):
             counter.fill(0)
 
     def _since(self, source, stamp):
@@ -359,8 +367,8 @@ class Costmap:
         dt = self._since(source, stamp)
         per_radian = density if density is not None else 0.0
         apply_counts(
-            self._odds, self._mask, self._known, self._seen, self._last,
-            self._hits, self._bands, self._floor, self._drops, self._holes, self._own,
+            self._odds, self._mask, self._places, self._known, self._seen, self._last,
+            self._hits, self._bands, self._new_places, self._floor, self._drops, self._holes, self._own,
             image, intrinsics, camera_from_odom, position, np.array(self.origin), self.resolution,
             per_radian, source_settings.min_obstacle_height, source_settings.raytrace_range,
             s.hit, s.miss, s.log_odds_min, s.log_odds_max, s.static_time,
@@ -375,7 +383,7 @@ class Costmap:
         if not source_settings.clearing:
             rays[:, 3] = 0.0
         self._touched.fill(0)
-        trace(self._odds, self._mask, self._known, self._seen, self._last, self._touched, self._own, rays,
+        trace(self._odds, self._mask, self._places, self._known, self._seen, self._last, self._touched, self._own, rays,
               np.array(self.origin), self.resolution, band, s.hit, s.miss, s.log_odds_min,
               s.log_odds_max, s.static_time, float(stamp), dt)
 

@@ -1,10 +1,12 @@
 """How the looks of one observation change the memory of a cell.
 
 Memory of a cell: ``odds`` (log-odds of being occupied), ``mask`` (heights at which something was seen, see
-`costmap_depth`), ``known`` (0 no, SEEN or driven over, PRESUMED at the start), ``seen`` [s] (for how long
-something was seen there), ``last`` [s] (when last). The newest look wins: the log-odds are held in a narrow band, two looks through an
-obstacle erase it, and one clear hit makes ground lethal that was free. Odometry drifts; a jamb that is now
-seen 3 cm beside where it was remembered must not stay twice, or a 0.75 m door is closed.
+`costmap_depth`), ``places`` (where in the cell, see `costmap_surface`), ``known`` (0 no, SEEN or driven
+over, PRESUMED at the start), ``seen`` [s] (for how long something was seen there), ``last`` [s] (when last).
+
+The newest look wins: the log-odds are held in a narrow band, two looks through an obstacle erase it, and one
+clear hit makes ground lethal that was free. Odometry drifts; a jamb that is now seen 3 cm beside where it was
+remembered must not stay twice, or a 0.75 m door is closed.
 """
 import numba
 import numpy as np
@@ -12,6 +14,7 @@ import numpy as np
 from wheelchair_shared_control.costmap_depth import BAND_HEIGHT, BANDS, BLOCKED, DROP, THROUGH, look
 
 SEEN, PRESUMED = 1, 2
+ALL_PLACES = np.uint16(0xFFFF)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -69,7 +72,7 @@ def remember(known, seen, last, row, column, stamp, dt, static_time):
 
 
 @numba.njit(cache=True, nogil=True)
-def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes, own,
+def apply_counts(odds, mask, places, known, seen, last, hits, bands, new_places, floor, drops, holes, own,
                  depth, intrinsics, camera_from_odom, camera_position, origin, resolution, per_radian, min_height,
                  raytrace_range, hit, miss, odds_min, odds_max, static_time,
                  marking, clearing, stamp, dt):
@@ -129,6 +132,9 @@ def apply_counts(odds, mask, known, seen, last, hits, bands, floor, drops, holes
                 odds[row, column] = min(odds[row, column] + gained, odds_max)
                 if n_hits > 0:
                     mask[row, column] |= bands[row, column]
+                    places[row, column] = new_places[row, column]
+                else:
+                    places[row, column] = ALL_PLACES
                 remember(known, seen, last, row, column, stamp, dt, static_time)
                 continue
             if n_hits > 0 or not clearing:

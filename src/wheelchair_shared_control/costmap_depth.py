@@ -73,13 +73,15 @@ def camera_pitch_error(depth, intrinsics, odom_from_camera, tolerance, bins):
 
 
 @numba.njit(cache=True, nogil=True)
-def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limits, hits, bands, floor, drops):
+def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limits,
+                  hits, bands, places, floor, drops):
     """Sort every pixel of ``depth`` into the counters of its cell.
 
     ``limits``: (min height, max height, obstacle range, raytrace range, floor tolerance, floor near,
     floor far, depth that -Inf stands for) [m]. Distances are horizontal, along the camera's heading.
-    Counters (rows, columns): ``hits`` and ``bands`` of returns between the heights, ``floor``, ``drops``:
-    rays that passed below the floor's level, or that met no floor where it must be seen.
+    Counters (rows, columns): ``hits``, ``bands`` and ``places`` (see `costmap_surface`) of returns between
+    the heights, ``floor``, ``drops``: rays that passed below the floor's level, or that met no floor where it
+    must be seen.
     """
     height, width = depth.shape
     rows, columns = hits.shape
@@ -97,6 +99,7 @@ def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limit
     ahead_x = m[0, 2] / norm if norm > 1e-6 else np.float32(1.0)
     ahead_y = m[1, 2] / norm if norm > 1e-6 else np.float32(0.0)
     per_band = np.float32(1.0) / BAND_HEIGHT
+    four = np.float32(4.0)
     xn = ((np.arange(width) - cx) / fx).astype(np.float32)
     columns_x, columns_y, columns_z = m[0, 0] * xn, m[1, 0] * xn, m[2, 0] * xn
     for v in range(height):
@@ -138,8 +141,10 @@ def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limit
             inside = fx_cell >= 0 and fy_cell >= 0 and fx_cell < columns and fy_cell < rows
             if h > min_height:
                 if inside and distance <= obstacle_range:
-                    column, row = int(fx_cell), int(fy_cell)
+                    column_4, row_4 = int(fx_cell * four), int(fy_cell * four)
+                    column, row = column_4 >> 2, row_4 >> 2
                     hits[row, column] += 1
+                    places[row, column] |= np.uint16(1 << ((column_4 & 3) | (row_4 & 3) << 2))
                     bands[row, column] |= np.uint16(1 << int((h - min_height) * per_band))
             elif h >= lowest:
                 if inside:

@@ -11,7 +11,8 @@ INTRINSICS = (BINS_PER_RADIAN, BINS_PER_RADIAN, 361.0, 180.0, 1.0)
 
 
 @numba.njit(cache=True, nogil=True)
-def count_points(points, sensor, image, origin, resolution, limits, hits, bands, floor, drops):
+def count_points(points, sensor, image, origin, resolution, limits,
+                 hits, bands, places, floor, drops):
     """Sort ``points`` (n, 3) of odom into the counters, as `costmap_depth.count_returns` does with pixels.
 
     ``sensor`` (3,) is where the rays began; ``image`` becomes the spherical image of the nearest ranges,
@@ -46,6 +47,7 @@ def count_points(points, sensor, image, origin, resolution, limits, hits, bands,
         if h > min_height:
             if inside and level <= obstacle_range:
                 hits[int(y), int(x)] += 1
+                places[int(y), int(x)] |= np.uint16(1 << ((int(4.0 * x) & 3) | (int(4.0 * y) & 3) << 2))
                 bands[int(y), int(x)] |= np.uint16(1 << int((h - min_height) / BAND_HEIGHT))
         elif h >= -tolerance:
             if inside and level <= raytrace_range:

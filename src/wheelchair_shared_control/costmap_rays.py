@@ -6,7 +6,7 @@ from wheelchair_shared_control.costmap_cells import SEEN, remember
 
 
 @numba.njit(cache=True, nogil=True)
-def trace(odds, mask, known, seen, last, touched, own, rays, origin, resolution, band,
+def trace(odds, mask, places, known, seen, last, touched, own, rays, origin, resolution, band,
           hit, miss, odds_min, odds_max, static_time, stamp, dt):
     """Mark the ends of ``rays``, then clear along them.
 
@@ -19,14 +19,23 @@ def trace(odds, mask, known, seen, last, touched, own, rays, origin, resolution,
     for i in range(rays.shape[0]):
         if not np.isfinite(rays[i, 4]):
             continue
-        column = int(np.floor((rays[i, 0] + rays[i, 4] * np.cos(rays[i, 2]) - origin[0]) / resolution))
-        row = int(np.floor((rays[i, 1] + rays[i, 4] * np.sin(rays[i, 2]) - origin[1]) / resolution))
-        if not (0 <= row < rows and 0 <= column < columns) or own[row, column] or touched[row, column] == 1:
-            continue
-        touched[row, column] = 1
-        odds[row, column] = min(odds[row, column] + hit * rays[i, 5], odds_max)
-        mask[row, column] |= bit
-        remember(known, seen, last, row, column, stamp, dt, static_time)
+        # what returned reaches half a cell deeper at least: the surface may be a sliver of the first cell
+        for k in range(3):
+            distance = rays[i, 4] + 0.25 * k * resolution
+            column_4 = int(np.floor(4.0 * (rays[i, 0] + distance * np.cos(rays[i, 2]) - origin[0]) / resolution))
+            row_4 = int(np.floor(4.0 * (rays[i, 1] + distance * np.sin(rays[i, 2]) - origin[1]) / resolution))
+            column, row = column_4 >> 2, row_4 >> 2
+            if not (0 <= row < rows and 0 <= column < columns) or own[row, column]:
+                continue
+            place = np.uint16(1 << ((column_4 & 3) | (row_4 & 3) << 2))
+            if touched[row, column] == 1:
+                places[row, column] |= place
+                continue
+            touched[row, column] = 1
+            odds[row, column] = min(odds[row, column] + hit * rays[i, 5], odds_max)
+            mask[row, column] |= bit
+            places[row, column] = place
+            remember(known, seen, last, row, column, stamp, dt, static_time)
     step = 0.5 * resolution
     for i in range(rays.shape[0]):
         cos, sin = np.cos(rays[i, 2]), np.sin(rays[i, 2])
