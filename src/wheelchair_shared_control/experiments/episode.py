@@ -9,7 +9,7 @@ from wheelchair_shared_control.experiments.recorder import Recorder
 from wheelchair_shared_control.experiments.referee import Referee, Verdict
 from wheelchair_shared_control.simulation import doors, person, scenes
 from wheelchair_shared_control.simulation.simulator import Simulator
-from wheelchair_shared_control.values import Twist
+from wheelchair_shared_control.values import STOP, Twist
 
 ESCAPE_TIME = 5.0  # s with the stick pushed the opposite way
 STICK_WINDOW = 1.0  # s over which the stick is averaged for that
@@ -111,15 +111,17 @@ class Episode:
         return results.of_log(self.seed, verdict, self.log, self.footprint, extra)
 
     def _escape(self, graph, simulator):
-        """How far [m] the chair gets in 5 s with the stick pushed the opposite way."""
+        """How far [m] the chair gets in 5 s with the stick pushed the opposite way (through its middle)."""
         recent = self.log.user[self.log.time > self.log.time[-1] - STICK_WINDOW]
         recent = recent[np.isfinite(recent).all(axis=1)]
         if not len(recent):
             return 0.0
-        graph.override_user(Twist(*(-recent.mean(axis=0))))
         poses, end = [simulator.truth().pose], simulator.time + ESCAPE_TIME
+        graph.override_user(STOP)
         while simulator.time < end:
             graph.tick()
+            if len(poses) == graphs.CONTROL_EVERY:
+                graph.override_user(Twist(*(-recent.mean(axis=0))))
             poses.append(simulator.truth().pose)
         return metrics.corner_path(self.footprint, poses)
 

@@ -43,18 +43,26 @@ class GraphSettings(NamedTuple):
 GROUPS = ("simulator", "move_base", "doorway_detector", "doorway_assistant", "blender", "users")
 
 
+# A doorway that is told (`--detector truth`) need not lie in the camera's view.
+TOLD = {"choice/bearing": np.pi, "choice/incidence": np.pi, "choice/distance": 10.0}
+
+
 def settings_for(options):
     """Settings of all nodes; ``options.dead_time``, ``.lag`` set the plant and what planner and guard know."""
-    chair = {}
+    changed = {}
+    if not options.detector:
+        changed.update(TOLD)
     if options.dead_time is not None:
-        chair["wheelchair/actuation/dead_time"] = options.dead_time
+        changed["wheelchair/actuation/dead_time"] = options.dead_time
     if options.lag is not None:
-        chair["wheelchair/actuation/lag"] = options.lag
+        changed["wheelchair/actuation/lag"] = options.lag
+    if options.drift is not None:
+        changed["odometry/factor"] = options.drift
     result = []
     for group in GROUPS:
         settings = parameters.load(group)
         known = settings.as_dict()
-        changes = {key: value for key, value in chair.items() if key in known}
+        changes = {key: value for key, value in changed.items() if key in known}
         result.append(settings.replace(**changes) if changes else settings)
     return GraphSettings(*result)
 
