@@ -47,6 +47,25 @@ def make_field(snapshot):
     )
 
 
+def padded(field, point, margin, limit):
+    """The field, enlarged by unknown free ground so that ``point`` (2,) lies ``margin`` [m] inside it.
+
+    At most ``limit`` [m] are added on a side.
+    """
+    rows, cols = field.distance.shape
+    res = field.frame[2]
+    low = np.ceil((field.frame[:2] - (point - margin)) / res)
+    high = np.ceil(((point + margin) - (field.frame[:2] + np.array([cols, rows]) * res)) / res)
+    most = int(limit / res)
+    (left, below), (right, above) = np.clip(low, 0, most).astype(int), np.clip(high, 0, most).astype(int)
+    if not (left or below or right or above):
+        return field
+    sides = ((below, above), (left, right))
+    frame = np.array([field.frame[0] - left * res, field.frame[1] - below * res, res])
+    return Field(
+        np.pad(field.distance, sides, constant_values=np.float32(FAR)), np.pad(field.known, sides), frame)
+
+
 def make_body(footprint, spacing=0.05):
     """Body of a Footprint, its outline sampled at most every ``spacing`` [m], corners included."""
     corners = footprints.corners(footprint)

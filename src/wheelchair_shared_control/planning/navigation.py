@@ -17,6 +17,10 @@ from wheelchair_shared_control.values import STOP, Twist
 IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person is driving forward
 SLICE = 500  # states expanded in one cycle
+FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
+# Candidates, as shares of the wanted speed and turn rate, in the order of preference.
+SCALES = np.array([[1.0, 1.0], [0.85, 0.85], [0.7, 0.7], [0.55, 0.55], [0.4, 0.4], [0.28, 0.28], [0.18, 0.18],
+                   [0.1, 0.1], [0.5, 1.0], [1.0, 0.5], [0.0, 1.0], [0.0, 0.5]])
 EMPTY = np.zeros((0, 3))
 
 
@@ -74,6 +78,7 @@ class Navigator:
         self._anchor = None
         self._no_path = ""
         self._searching = False
+        self._looks = True  # before the first path
 
     # --- goals -------------------------------------------------------------------------------------------
     def set_goal(self, goal_odom, now):
@@ -112,7 +117,7 @@ class Navigator:
         if stale:
             self._since_legal = self._since_path = None
             return self._stop(now, stale)
-        field = clearance.make_field(snapshot)
+        field = clearance.padded(clearance.make_field(snapshot), self.goal[:2], 1.0, 4.0)
         if self._arrived(odometry):
             self._end(SUCCEEDED, "goal reached")
             self._sent.clear()
@@ -122,6 +127,10 @@ class Navigator:
                 self.settings.oscillation_distance, self.settings.oscillation_timeout))
         acting, anchor = self._predict(now, odometry, user_v)
         moving = -1 if abs(acting[3]) < 0.1 else (0 if acting[3] > 0.0 else 1)
+        if self._looks:
+            look = self._look(now, field, acting, anchor, moving)
+            if look is not None:
+                return look
         path, reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING, moving)
         if path is None:
             return self._without_path(now, reason)
@@ -200,6 +209,30 @@ class Navigator:
         self._since_legal = self._since_path = None
         self._searched_at = -np.inf
         return self._stop(now, reason, recovery=True, **plans)
+
+    # --- looking -----------------------------------------------------------------------------------------
+    def _look(self, now, field, acting, anchor, moving):
+        """Decision to turn on the spot towards the goal while the ground before it was not seen; else None.
+
+        The camera sees 57 degrees: a path through ground that it has not seen would be found anew all the time.
+        Only from standstill, and not close to the goal, where it would show little.
+        """
+        way = self.goal[:2] - anchor[:2]
+        distance = float(np.hypot(*way))
+        turn = float(se2.wrap_angle(np.arctan2(way[1], way[0]) - anchor[2]))
+        along = anchor[:2] + way * np.arange(1.0, max(distance, 1.0), 0.1)[:, None] / max(distance, 1e-6)
+        self._looks = (
+            moving < 0 and distance > FAR_ENOUGH and abs(turn) > FACING
+            and not np.all([clearance.known_at(field.known, field.frame, *point) for point in along]))
+        if not self._looks:
+            return None
+        w = np.sign(turn) * min(self.w_max, max(0.12, np.sqrt(self.turn_acc * abs(turn))))
+        pose = self.planner.still(field, acting[:3])
+        legal = self._legal(field, acting, self._limited(0.0, w), pose)
+        if legal[0] is None:
+            self._looks = False
+            return None
+        return self._send(now, legal[0], "looks towards the goal", local_plan=legal[1][0])
 
     # --- path --------------------------------------------------------------------------------------------
     def _predict(self, now, odometry, user_v):
@@ -324,24 +357,19 @@ class Navigator:
         return Twist(float(v), float(min(max(w, -self.w_max), self.w_max)))
 
     def _legal(self, field, acting, command, path):
-        """The command, or the best slower or bent one that stays clear; None where none does."""
-        scales = np.array([[1.0, 1.0], [0.7, 0.7], [0.4, 0.4], [1.0, 0.5], [0.5, 1.0], [0.2, 0.2], [0.0, 1.0],
-                           [0.0, 0.5]])
-        v, w = command
-        commands = np.ascontiguousarray(scales * np.array([v, w]))
-        plant = self.plant
-        n = int(np.ceil(self.settings.planner.sim_time / following.DT))
+        """(the command, or the most of it that stays clear, or None), and the trajectories that were looked at."""
+        p, plant = self.settings.planner, self.plant
+        commands = np.ascontiguousarray(SCALES * np.array(command))
+        n = int(np.ceil(p.sim_time / following.DT))
         hold = max(1, int(round(1.0 / self.settings.controller_frequency / following.DT))) + 1
         poses, least = following.rollouts(
             field.distance, field.frame, *self.planner.body, acting, commands, path.poses[-1], n, hold,
             plant.lag, plant.acceleration, plant.turn_acceleration, following.DT)
         here = float(self.planner.clearance(field, acting[None, :3])[0])
-        # Not much closer than the way ahead has to be: a wide door is not passed with a hair's breadth.
-        planned = 0.5 * float(np.min(path.clear[:12]))
-        floor = min(max(self.settings.planner.min_clearance, min(planned, 0.05)), here - 0.0005)
-        for k in range(len(commands)):
-            if least[k] >= floor:
-                if abs(commands[k, 0]) < 0.005 and abs(commands[k, 1]) < 0.01:
-                    continue
+        corner = np.hypot(commands[:, 0], commands[:, 1] * self.planner.footprint.circumscribed_radius)
+        # As the guard has it; and not much closer than the path ahead: a wide door is not passed by a hair.
+        margin = np.maximum(p.margin + p.margin_per_speed * corner, min(0.5 * float(np.min(path.clear[:12])), 0.05))
+        for k in np.flatnonzero(least >= np.minimum(margin, here - 1e-4)):
+            if np.hypot(*commands[k]) > 0.008:
                 return Twist(*map(float, commands[k])), poses, commands, least
         return None, poses, commands, least

@@ -16,7 +16,7 @@ SLIMMER = 0.04
 SLIM_FLOOR = -0.03
 # comfortable [m], near [m], then weights: spine, outline, near, pose xy, pose yaw, end xy, end yaw,
 # change of ds, change of dtheta, bending.
-REFINEMENT = np.array([0.30, 0.05, 40.0, 30.0, 60.0, 0.3, 0.05, 40.0, 20.0, 300.0, 1.0, 0.15])
+REFINEMENT = np.array([0.30, 0.07, 40.0, 30.0, 200.0, 0.3, 0.05, 40.0, 20.0, 300.0, 1.0, 0.15])
 STEP, STEP_TURN = 0.08, 0.12  # m, rad: length of a step of a path
 
 
@@ -46,6 +46,11 @@ class Planner:
         """Clearance (n,) [m] of poses (n, 3)."""
         return clearance.of_poses(field, self.body, poses)
 
+    def still(self, field, pose):
+        """The Path of standing at ``pose`` (3,)."""
+        poses = np.stack((pose, pose))
+        return Path(np.zeros((1, 2)), poses, np.zeros(1, np.int64), self.clearance(field, poses))
+
     def seen(self, field, poses):
         """Whether the ground below the front edge is known, (n,)."""
         return seen_ahead(field.known, field.frame, poses, self.footprint.front, self.footprint.half_width)
@@ -69,7 +74,7 @@ class Planner:
         """
         limit = self.settings.min_clearance if limit is None else limit
         travelled = np.concatenate(([0.0], np.cumsum(np.hypot(path.steps[:, 0], 0.5 * path.steps[:, 1]))))
-        floor = np.where(travelled < 0.5, min(limit, path.clear[0] - 0.005), limit)
+        floor = np.where(travelled < 0.5, min(limit, path.clear[0] - 0.003), limit)
         bad = np.flatnonzero(path.clear < floor)
         return int(bad[0]) if len(bad) else -1
 
@@ -78,6 +83,7 @@ class Planner:
         allow_reverse = allow_reverse and self.settings.min_vel_x < 0.0
         self._task = (field, np.array(start, dtype=float), self._inside(field, np.asarray(goal, dtype=float)),
                       allow_reverse, moving)
+        self._tight = None
         self._begin_search(self._slim, SLIM_FLOOR)
 
     def _begin_search(self, which, floor):
@@ -94,17 +100,18 @@ class Planner:
         slim = self._search is self._slim
         if found.steps is not None:
             path = self._centred(field, start, goal, found.steps)
-            if self.blocked(path) < 0:
+            if self.blocked(path, self.settings.clearance) < 0:
                 return path, ""
-            reason = "the way is too narrow for a chair of %.2f m" % self.footprint.width
-        elif found.exhausted:
-            return None, "no way through for a chair of %.2f m" % self.footprint.width
-        else:
-            reason = "no path within %d states" % found.expansions
-        if not slim:
-            return None, reason
-        self._begin_search(self._true, self.settings.min_clearance)
-        return None
+            if self.blocked(path) < 0 and self._tight is None:
+                self._tight = path
+        if slim and not (found.steps is None and found.exhausted):
+            self._begin_search(self._true, self.settings.clearance)
+            return None
+        if self._tight is not None:
+            return self._tight, ""
+        if found.steps is None and not found.exhausted:
+            return None, "no path within %d states" % found.expansions
+        return None, "no way through for a chair of %.2f m" % self.footprint.width
 
     def plan(self, field, start, goal, allow_reverse, moving=-1):
         """(Path or None, reason) from ``start`` (3,) to ``goal`` (3,), at once."""
@@ -129,8 +136,8 @@ class Planner:
         """The goal, or the point of the way to it that lies well inside the window."""
         rows, cols = field.distance.shape
         res = field.frame[2]
-        low = field.frame[:2] + 0.4
-        high = field.frame[:2] + np.array([cols, rows]) * res - 0.4
+        low = field.frame[:2] + 0.2
+        high = field.frame[:2] + np.array([cols, rows]) * res - 0.2
         if np.all(goal[:2] >= low) and np.all(goal[:2] <= high):
             return goal
         middle = (low + high) / 2.0

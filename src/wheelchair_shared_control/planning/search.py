@@ -35,7 +35,7 @@ class Weights(NamedTuple):
     stop: float = 0.5
     comfortable: float = 0.30
     narrow: float = 8.0
-    unknown_factor: float = 1.3
+    unknown_factor: float = 1.6
 
 
 class SearchResult(NamedTuple):
@@ -287,7 +287,7 @@ def _continue(distance, known, frame, outline, spine, half_width, reach, middle,
     # A start that stands closer than the floor must be able to leave: what the start has is enough near it.
     start_c = clearance(distance, frame, outline, spine, half_width, reach, middle, 0.5,
                         start[0], start[1], start[2]) - shrink
-    start_floor = min(floor, start_c - 0.005)
+    start_floor = min(floor, start_c - 0.002)
     ended = True
     last = expansions + cap
     while size > 0:
