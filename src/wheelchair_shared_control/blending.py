@@ -210,17 +210,15 @@ def paper_sigma(tick):
 
 
 def clearance_sigma(tick):
-    """s [rad/s] for which no user's command moves a corner further than the clearance on its side.
+    """s [rad/s] for which no user's command moves a front corner further than the nearest obstacle.
 
     Eq. 1 deviates from the planner by ``D exp(-D / s)``, at most ``s / e`` (at D = s). A deviation that lasts T
     moves the front corners sideways by ``(front T + v T^2 / 2)`` times itself. Setting that equal to the
-    clearance on the side to which the user pulls gives the bound.
+    clearance gives the bound.
     """
     settings = tick.settings.confidence
     footprint = tick.settings.wheelchair.footprint
-    d_l, d_f, d_r = tick.features
-    side = d_l if tick.user.w > tick.planner.w else d_r
-    room = max(min(side, max(d_f, tick.clearance)) - settings.margin, 0.0)
+    room = max(min(tick.features) - settings.margin, 0.0)
     horizon = settings.horizon
     lever = (footprint.length - footprint.axle_to_rear) * horizon + 0.5 * abs(tick.twist.v) * horizon * horizon
     return math.e * room / lever
