@@ -110,7 +110,7 @@ def nothing(reason):
 
 
 def _detect(rays, few, ground, settings, stamp):
-    chosen = doorway_walls.chosen_points(few, settings)
+    chosen = doorway_walls.chosen_points(few, rays.origin[:2], settings)
     walls = doorway_walls.find(chosen, rays.origin[:2], settings)
     found, gaps = [], []
     for wall in walls:

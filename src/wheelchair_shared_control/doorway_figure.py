@@ -65,7 +65,7 @@ def draw(axis, detection, points):
     if len(refused) > 8:
         lines.append("... and %d more" % (len(refused) - 8))
     if not detection.doorways:
-        lines.insert(0, "no doorway: " + (detection.reason if not refused else "%d gaps refused" % len(refused)))
+        lines.insert(0, "no doorway: " + (detection.reason if not refused else "%d gap%s refused" % (len(refused), "s" * (len(refused) > 1))))
     if lines:
         axis.text(0.01, 0.01, "\n".join(lines), transform=axis.transAxes, fontsize=8, va="bottom", zorder=7,
                   bbox={"boxstyle": "round", "fc": "white", "ec": "0.8", "alpha": 0.85})
@@ -95,7 +95,7 @@ def _frame(axis, band, detection, told):
     axis.set_ylim(low[0], high[0])
     axis.set_aspect("equal", adjustable="box")
     ticks = axis.get_xticks()
-    axis.set_xticks(ticks, ["%g" % -tick for tick in ticks])
+    axis.set_xticks(ticks, ["%g" % (0.0 - tick) for tick in ticks])
     axis.set_xlim(-high[1], -low[1])
     axis.set_xlabel("y [m], left is positive")
     axis.set_ylabel("x [m], ahead")

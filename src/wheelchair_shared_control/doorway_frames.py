@@ -10,7 +10,7 @@ AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": 
 # What looks ahead in the usual frames: bodies (z up, x ahead), optical frames (y down, z ahead), OpenGL (y up, z back)
 AHEAD = {"z": (1, 0, 0), "-z": (1, 0, 0), "-y": (0, 0, 1), "y": (0, 0, -1), "x": (0, 0, -1), "-x": (0, 0, 1)}
 # Guesses for an unknown cloud, the most usual first, with their weights
-GUESSES = (("z", 1.0), ("-y", 1.0), ("y", 0.5), ("-z", 0.3), ("x", 0.2), ("-x", 0.2))
+GUESSES = (("z", 1.0), ("-y", 1.0), ("y", 0.2), ("-z", 0.02), ("x", 0.02), ("-x", 0.02))
 LOWEST, HIGHEST = 0.2, 2.5  # m: a sensor's usual height above the floor
 
 

@@ -117,4 +117,14 @@ def _segment(points, tolerance, iterations):
     normal = np.asarray(model[:3], dtype=float)
     if not np.isfinite(normal).all() or len(inliers) < 3:
         return None
-    return normal, float(model[3]), len(inliers)
+    # three points define the plane badly, all inliers well
+    offset = float(model[3])
+    for _ in range(2):
+        near = points[np.abs(points @ normal + offset) < tolerance]
+        if len(near) < 3:
+            break
+        centre = near.mean(axis=0)
+        _, _, axes = np.linalg.svd(np.cov((near - centre).T))
+        fitted = axes[2] if axes[2] @ normal > 0.0 else -axes[2]
+        normal, offset = fitted, -float(fitted @ centre)
+    return normal, offset, len(inliers)

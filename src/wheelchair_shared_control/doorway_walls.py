@@ -15,14 +15,16 @@ class Wall(NamedTuple):
     support: int
 
 
-def chosen_points(points, settings):
-    """Few of ``points`` (3, n) [m] (level): the mean of each cell, above furniture and below ceilings.
+def chosen_points(points, sensor_xy, settings):
+    """Few of ``points`` (3, n) [m] (level): the mean of each cell, above furniture and below ceilings, within
+    ``wall/reach`` of the sensor.
 
     One point a cell makes a far wall as good as a near one, and averages the noise away.
     """
     wall = settings.wall
+    within = (points[0] - sensor_xy[0]) ** 2 + (points[1] - sensor_xy[1]) ** 2 < wall.reach ** 2
     for low in (wall.low, 0.3):
-        band = (points[2] > low) & (points[2] < wall.high)
+        band = within & (points[2] > low) & (points[2] < wall.high)
         if band.sum() >= wall.min_points:
             break
     chosen = points[:, band].astype(float)
@@ -51,16 +53,21 @@ def find(points, sensor_xy, settings):
     wall = settings.wall
     rest = points
     walls = []
-    for _ in range(wall.max_planes):
+    # a scan all round holds more walls, each a smaller share of it, than a camera's view of some 600 cells
+    size = max(1.0, len(points) / 600.0)
+    iterations, planes = int(wall.iterations * size ** 2), int(wall.max_planes * size ** 0.5)
+    for _ in range(planes):
         if len(rest) < wall.min_cells:
             break
-        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(rest))
-        model, inliers = cloud.segment_plane(wall.tolerance, 3, wall.iterations, 1.0)
+        # with the heights stretched, hardly a point of a desk lies near one level plane, while a wall stays a plane
+        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(rest * (1.0, 1.0, wall.stretch)))
+        model, inliers = cloud.segment_plane(wall.tolerance, 3, iterations, 1.0)
         if len(inliers) < wall.min_cells:
             break
         mask = np.zeros(len(rest), dtype=bool)
         mask[inliers] = True
-        normal = np.asarray(model[:3])
+        normal = np.asarray(model[:3]) * (1.0, 1.0, wall.stretch)
+        normal = normal / np.linalg.norm(normal)
         if abs(normal[2]) < np.sin(np.radians(wall.max_lean)):
             found = _vertical(rest[mask], sensor_xy)
             # the vertical plane collects again: the first one leant a little
