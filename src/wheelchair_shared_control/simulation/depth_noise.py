@@ -71,30 +71,36 @@ def _measure(inverse, plane, lens, numbers, table, offsets, image):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _blank_edges(inverse, plane, step, farthest, band, image):
-    """NaN within ``band`` pixels on either side of a jump in depth between two different planes."""
+    """NaN within ``band`` pixels on either side of a jump in depth between two different planes.
+
+    Planes change at few pixels: these are found eight at a time, and only there is the depth looked at.
+    """
     height, width = inverse.shape
     invalid = np.float32(np.nan)
-    apart = np.float32(1e-4)
-    marks = np.empty(width, np.uint8)
+    words = (width + 7) // 8
+    across, down = np.zeros(8 * words, np.uint8), np.zeros(8 * words, np.uint8)
+    across_words, down_words = across.view(np.uint64), down.view(np.uint64)
     for v in range(height):
         row, row_plane = inverse[v], plane[v]
+        below, below_plane = (inverse[v + 1], plane[v + 1]) if v + 1 < height else (row, row_plane)
         for u in range(width - 1):
-            a, b = row[u], row[u + 1]
-            # abs(1/a - 1/b) > step, without dividing; two that are both out of range make no edge
-            marks[u] = ((abs(a - b) > step * a * b) & (abs(row_plane[u] - row_plane[u + 1]) > apart)
-                        & (max(a, b) > farthest))
-        for u in range(width - 1):
-            if marks[u]:
-                for k in range(max(0, u - band + 1), min(width, u + band + 1)):
-                    image[v, k] = invalid
-        if v + 1 == height:
-            break
-        below, below_plane = inverse[v + 1], plane[v + 1]
+            across[u] = row_plane[u] != row_plane[u + 1]
         for u in range(width):
-            a, b = row[u], below[u]
-            marks[u] = ((abs(a - b) > step * a * b) & (abs(row_plane[u] - below_plane[u]) > apart)
-                        & (max(a, b) > farthest))
-        for u in range(width):
-            if marks[u]:
-                for k in range(max(0, v - band + 1), min(height, v + band + 1)):
-                    image[k, u] = invalid
+            down[u] = row_plane[u] != below_plane[u]
+        for word in range(words):
+            if across_words[word]:
+                for u in range(8 * word, 8 * word + 8):
+                    if across[u] and _is_edge(row[u], row[u + 1], row_plane[u], row_plane[u + 1], step, farthest):
+                        for k in range(max(0, u - band + 1), min(width, u + band + 1)):
+                            image[v, k] = invalid
+            if down_words[word]:
+                for u in range(8 * word, 8 * word + 8):
+                    if down[u] and _is_edge(row[u], below[u], row_plane[u], below_plane[u], step, farthest):
+                        for k in range(max(0, v - band + 1), min(height, v + band + 1)):
+                            image[k, u] = invalid
+
+
+@njit(cache=True, nogil=True)
+def _is_edge(a, b, plane_a, plane_b, step, farthest):
+    # abs(1/a - 1/b) > step, without dividing; two that are both out of range make no edge
+    return abs(a - b) > step * a * b and abs(plane_a - plane_b) > np.float32(1e-4) and max(a, b) > farthest
