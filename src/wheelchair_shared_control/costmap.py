@@ -261,7 +261,7 @@ class Costmap:
             clear = min(value - 1.5 * self.resolution, settings.raytrace_range, r.max_range)
             reach = min(value, r.max_range)
             n = max(int(r.field_of_view * reach / self.resolution), 1) if clear > 0.0 else 1
-            for k in range(-n, n + 1):
+            for k in sorted(range(-n, n + 1), key=abs):  # the middle first: a cell takes its first weight
                 offset = 0.5 * r.field_of_view * k / n
                 # what returned lies somewhere on the arc: certain only where the arc is about a cell
                 weight = 1.0 if k == 0 else (0.5 if r.field_of_view * value < 2.5 * self.resolution else 0.0)
@@ -276,7 +276,7 @@ class Costmap:
         s = self.settings
         forget_brief(self._odds, self._mask, self._known, self._seen, self._last, float(now),
                      s.memory_time, s.static_time)
-        find_lethal(self._odds, self._places, self._lethal_odds, self._lethal, self._boxes)
+        find_lethal(self._odds, self._places, self._known, self._lethal_odds, self._lethal, self._boxes)
         distance = np.empty(self._shape, np.float32)
         distance_transform(self._lethal, self.resolution, s.distance_cap, distance, self._nearest)
         cost = np.empty(self._shape, np.uint8)
@@ -360,7 +360,7 @@ class Costmap:
         """Time [s] that a look of ``source`` stands for, and note its stamp."""
         before = self.newest.get(source, -math.inf)
         self.newest[source] = max(before, float(stamp))
-        return min(max(stamp - before, 0.0), 0.2)
+        return min(max(stamp - before, 0.0), 0.2) if math.isfinite(before) else 0.0
 
     def _apply(self, image, intrinsics, camera_from_odom, position, source_settings, source, stamp, density=None):
         s = self.settings
@@ -371,7 +371,7 @@ class Costmap:
             self._hits, self._bands, self._new_places, self._floor, self._drops, self._holes, self._own,
             image, intrinsics, camera_from_odom, position, np.array(self.origin), self.resolution,
             per_radian, source_settings.min_obstacle_height, source_settings.raytrace_range,
-            s.hit, s.miss, s.log_odds_min, s.log_odds_max, s.static_time,
+            s.hit, s.miss, s.log_odds_min, s.log_odds_max,
             source_settings.marking, source_settings.clearing, float(stamp), dt)
 
     def _trace(self, rays, height, source_settings, source, stamp):
@@ -385,7 +385,7 @@ class Costmap:
         self._touched.fill(0)
         trace(self._odds, self._mask, self._places, self._known, self._seen, self._last, self._touched, self._own, rays,
               np.array(self.origin), self.resolution, band, s.hit, s.miss, s.log_odds_min,
-              s.log_odds_max, s.static_time, float(stamp), dt)
+              s.log_odds_max, float(stamp), dt)
 
 
 def _pitched(angle):

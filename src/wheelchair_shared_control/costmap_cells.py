@@ -1,8 +1,9 @@
 """How the looks of one observation change the memory of a cell.
 
 Memory of a cell: ``odds`` (log-odds of being occupied), ``mask`` (heights at which something was seen, see
-`costmap_depth`), ``places`` (where in the cell, see `costmap_surface`), ``known`` (0 no, SEEN or driven
-over, PRESUMED at the start), ``seen`` [s] (for how long something was seen there), ``last`` [s] (when last).
+`costmap_depth`), ``places`` (where in the cell, see `costmap_surface`), ``known`` (0 no, SEEN free or
+driven over, PRESUMED free at the start, FOUND occupied), ``seen`` [s] (for how long something was seen there),
+``last`` [s] (when last).
 
 The newest look wins: the log-odds are held in a narrow band, two looks through an obstacle erase it, and one
 clear hit makes ground lethal that was free. Odometry drifts; a jamb that is now seen 3 cm beside where it was
@@ -13,7 +14,8 @@ import numpy as np
 
 from wheelchair_shared_control.costmap_depth import BAND_HEIGHT, BANDS, BLOCKED, DROP, THROUGH, look
 
-SEEN, PRESUMED = 1, 2
+SEEN, PRESUMED, FOUND = 1, 2, 3
+_STANDS = 5.0  # time counts so much more for what was found on unknown ground
 ALL_PLACES = np.uint16(0xFFFF)
 
 
@@ -58,24 +60,24 @@ def forget_cell(odds, mask, known, seen, row, column):
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def remember(known, seen, last, row, column, stamp, dt, static_time):
+def remember(known, seen, last, row, column, stamp, dt):
     """Note that something was seen in a cell.
 
-    What appears where nothing was known stands there; what appears on ground seen free has moved there, or
-    the odometry has, and must be seen for ``static_time`` to be taken for standing.
+    What is found where nothing was known most likely stands there. What appears on ground seen free has moved
+    there, or the odometry has: it must be seen for longer to be taken for standing.
     """
     if known[row, column] != SEEN:
-        seen[row, column] = static_time
-    known[row, column] = SEEN
-    seen[row, column] += dt
+        known[row, column] = FOUND
+        seen[row, column] += _STANDS * dt
+    else:
+        seen[row, column] += dt
     last[row, column] = stamp
 
 
 @numba.njit(cache=True, nogil=True)
 def apply_counts(odds, mask, places, known, seen, last, hits, bands, new_places, floor, drops, holes, own,
                  depth, intrinsics, camera_from_odom, camera_position, origin, resolution, per_radian, min_height,
-                 raytrace_range, hit, miss, odds_min, odds_max, static_time,
-                 marking, clearing, stamp, dt):
+                 raytrace_range, hit, miss, odds_min, odds_max, marking, clearing, stamp, dt):
     """Bring the counters of one depth image into the memory; ``own`` marks the cells under the chair.
 
     ``per_radian``: returns per radian, 0 for one each pixel.
@@ -135,7 +137,7 @@ def apply_counts(odds, mask, places, known, seen, last, hits, bands, new_places,
                     places[row, column] = new_places[row, column]
                 else:
                     places[row, column] = ALL_PLACES
-                remember(known, seen, last, row, column, stamp, dt, static_time)
+                remember(known, seen, last, row, column, stamp, dt)
                 continue
             if n_hits > 0 or not clearing:
                 continue
@@ -157,6 +159,7 @@ def apply_counts(odds, mask, places, known, seen, last, hits, bands, new_places,
                 if odds[row, column] <= 0.0:
                     odds[row, column] = odds_min
                     mask[row, column] = 0
+                    known[row, column] = SEEN
                     seen[row, column] = 0.0
             else:
                 mask[row, column] = m & ~erased

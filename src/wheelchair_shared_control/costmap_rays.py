@@ -7,7 +7,7 @@ from wheelchair_shared_control.costmap_cells import SEEN, remember
 
 @numba.njit(cache=True, nogil=True)
 def trace(odds, mask, places, known, seen, last, touched, own, rays, origin, resolution, band,
-          hit, miss, odds_min, odds_max, static_time, stamp, dt):
+          hit, miss, odds_min, odds_max, stamp, dt):
     """Mark the ends of ``rays``, then clear along them.
 
     ``rays`` (n, 6): x, y of the origin in odom, direction [rad], length up to which the ray clears [m],
@@ -35,7 +35,7 @@ def trace(odds, mask, places, known, seen, last, touched, own, rays, origin, res
             odds[row, column] = min(odds[row, column] + hit * rays[i, 5], odds_max)
             mask[row, column] |= bit
             places[row, column] = place
-            remember(known, seen, last, row, column, stamp, dt, static_time)
+            remember(known, seen, last, row, column, stamp, dt)
     step = 0.5 * resolution
     for i in range(rays.shape[0]):
         cos, sin = np.cos(rays[i, 2]), np.sin(rays[i, 2])
@@ -61,6 +61,7 @@ def trace(odds, mask, places, known, seen, last, touched, own, rays, origin, res
                 if odds[row, column] <= 0.0:
                     odds[row, column] = odds_min
                     mask[row, column] = 0
+                    known[row, column] = SEEN
                     seen[row, column] = 0.0
             else:
                 mask[row, column] = m & ~erased

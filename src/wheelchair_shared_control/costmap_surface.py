@@ -2,8 +2,8 @@
 
 A wall hardly ever ends at the edge of a cell. If every cell that holds a millimetre of a jamb is lethal, a door
 between two jambs loses half a cell a side on average and a whole one at worst. Here a cell of which an obstacle
-fills at most half is left to the lethal cell beside it, whose box is stretched to the true surface: the grid
-then shows the door at its width on average, and distances are measured to the boxes.
+fills at most half is left to the cell behind it, whose box is stretched to the true surface: the grid then
+shows the door at its width on average, and distances are measured to the boxes.
 """
 import numba
 import numpy as np
@@ -14,11 +14,11 @@ _HIGH = np.array([3, 0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3], np.int8)
 
 
 @numba.njit(cache=True, nogil=True)
-def find_lethal(odds, places, threshold, lethal, boxes):
+def find_lethal(odds, places, known, threshold, lethal, boxes):
     """Fill ``lethal`` (rows, columns) bool and ``boxes`` (rows, columns, 4) int8 from the memory.
 
     A lethal cell's box (x low, x high, y low, y high) holds its occupied places, counted in quarters of a
-    cell from its lower left quarter: 0..3, and down to -2 or up to 5 where it carries a sliver.
+    cell from its lower left quarter: 0..3, and down to -4 or up to 7 where it carries a sliver.
     """
     rows, columns = odds.shape
     for row in range(rows):
@@ -39,26 +39,38 @@ def find_lethal(odds, places, threshold, lethal, boxes):
         for column in range(1, columns - 1):
             if not lethal[row, column] or carries[row, column]:
                 continue
-            if boxes[row, column, 0] >= 2 and lethal[row, column + 1] and not lethal[row, column - 1]:
-                if boxes[row, column + 1, 0] <= 0:
-                    boxes[row, column + 1, 0] = min(boxes[row, column + 1, 0], boxes[row, column, 0] - 4)
-                    carries[row, column + 1] = True
-                    lethal[row, column] = False
-            elif boxes[row, column, 1] <= 1 and lethal[row, column - 1] and not lethal[row, column + 1]:
-                if boxes[row, column - 1, 1] >= 3:
-                    boxes[row, column - 1, 1] = max(boxes[row, column - 1, 1], boxes[row, column, 1] + 4)
-                    carries[row, column - 1] = True
-                    lethal[row, column] = False
-            elif boxes[row, column, 2] >= 2 and lethal[row + 1, column] and not lethal[row - 1, column]:
-                if boxes[row + 1, column, 2] <= 0:
-                    boxes[row + 1, column, 2] = min(boxes[row + 1, column, 2], boxes[row, column, 2] - 4)
-                    carries[row + 1, column] = True
-                    lethal[row, column] = False
-            elif boxes[row, column, 3] <= 1 and lethal[row - 1, column] and not lethal[row + 1, column]:
-                if boxes[row - 1, column, 3] >= 3:
-                    boxes[row - 1, column, 3] = max(boxes[row - 1, column, 3], boxes[row, column, 3] + 4)
-                    carries[row - 1, column] = True
-                    lethal[row, column] = False
+            for axis in range(2):
+                low, high = boxes[row, column, 2 * axis], boxes[row, column, 2 * axis + 1]
+                if low >= 2:
+                    side = 1
+                elif high <= 1:
+                    side = -1
+                else:
+                    continue
+                # the cell that the sliver juts from, and the one that it juts towards
+                r, c = (row, column + side) if axis == 0 else (row + side, column)
+                r_free, c_free = (row, column - side) if axis == 0 else (row - side, column)
+                if lethal[r_free, c_free]:
+                    continue
+                if lethal[r, c]:
+                    if side > 0 and boxes[r, c, 2 * axis] <= 0:
+                        boxes[r, c, 2 * axis] = min(boxes[r, c, 2 * axis], low - 4)
+                    elif side < 0 and boxes[r, c, 2 * axis + 1] >= 3:
+                        boxes[r, c, 2 * axis + 1] = max(boxes[r, c, 2 * axis + 1], high + 4)
+                    else:
+                        continue
+                elif not known[r, c] and known[r_free, c_free]:
+                    # what lies behind the surface was never seen: it is the inside of the obstacle
+                    for k in range(4):
+                        boxes[r, c, k] = boxes[row, column, k]
+                    boxes[r, c, 2 * axis] -= 4 * side
+                    boxes[r, c, 2 * axis + 1] -= 4 * side
+                    lethal[r, c] = True
+                else:
+                    continue
+                carries[r, c] = True
+                lethal[row, column] = False
+                break
 
 
 @numba.njit(cache=True, nogil=True)
