@@ -17,12 +17,10 @@ REACH = 5.0  # m about the door
 
 
 class Ground(NamedTuple):
-    """``distance`` (rows, columns) float32 [m] to the nearest wall, row = y; ``origin`` the centre of cell [0, 0];
-    ``half_gap`` [m]: half of the clear width at the door."""
+    """``distance`` (rows, columns) float32 [m] to the nearest wall, row = y; ``origin`` the centre of cell [0, 0]."""
 
     distance: np.ndarray
     origin: np.ndarray
-    half_gap: float
 
 
 def from_world(world, door_pose):
@@ -34,7 +32,7 @@ def from_world(world, door_pose):
     for vertices, count in zip(shapes.vertices, shapes.counts):
         _fill(occupied, origin, se2.transform_points(se2.inverse(door_pose), vertices[:count]))
     distance = distance_transform_edt(~occupied) * RESOLUTION if occupied.any() else np.full(occupied.shape, REACH)
-    return Ground(np.minimum(distance, 2.0).astype(np.float32), origin, _half_gap(shapes, door_pose))
+    return Ground(np.minimum(distance, 2.0).astype(np.float32), origin)
 
 
 def _fill(occupied, origin, polygon):
@@ -56,18 +54,6 @@ def _fill(occupied, origin, polygon):
         left = (edge[0] * (y[:, None] - a[1]) - edge[1] * (x[None, :] - a[0])) / length
         inside &= left >= -0.5 * RESOLUTION
     occupied[low[1]: high[1] + 1, low[0]: high[0] + 1] |= inside
-
-
-def _half_gap(shapes, door_pose):
-    """Half of the smallest clear width on lines parallel to the plane, at most 1 m."""
-    across = np.array([-np.sin(door_pose[2]), np.cos(door_pose[2])])
-    half = 1.0
-    for offset in np.arange(-0.15, 0.151, 0.025):
-        point = se2.transform_points(door_pose, [[offset, 0.0]])[0]
-        for start, end in outlines.free_runs(shapes, point, across, 1.0):
-            if start < 0.0 < end:
-                half = min(half, -start, end)
-    return float(half)
 
 
 def probes(chair):

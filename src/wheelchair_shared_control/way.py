@@ -12,7 +12,6 @@ from wheelchair_shared_control.person import along_leg, turn_on_the_spot
 from wheelchair_shared_control.values import STOP, Twist
 from wheelchair_shared_control.way_plan import MARGIN, Leg, crossing_line, plan, settles
 
-
 TOUCH = 0.012  # m: half a cell of the ground's grid; less room counts as a touch
 
 
@@ -58,12 +57,8 @@ class Way:
         if assistance_state != ASSISTING and self._stuck(now, pose):
             self._back_off(pose)
         command = self._follow(pose)
-        if assistance_state != ASSISTING and self._would_touch(pose, command):
-            if not self._backing:
-                self._back_off(pose)
-                command = self._follow(pose)
-            if self._would_touch(pose, command):
-                command = STOP
+        if assistance_state != ASSISTING:
+            command = self._with_care(pose, command)
         self._note_motion(now, pose, command)
         return command
 
@@ -75,7 +70,7 @@ class Way:
         command, self._turning = along_leg(pose, leg, self._speed(pose, leg), self._turning, self.settings)
         if self._turning and not self._may_turn(pose):
             # In the gap there is no room to turn on the spot: creep on and let the path's pull do it.
-            command = Twist(0.4 * self.settings.drive.careful, command.w)
+            command = Twist(0.4 * self.settings.drive.back, command.w)
         return command
 
     # ---- plan --------------------------------------------------------------------------------------
@@ -137,11 +132,9 @@ class Way:
         left = float(direction @ (leg.end - pose[:2]))
         speed = drive.cruise
         if leg.reverse:
-            speed = drive.careful
+            speed = drive.back
         elif self._in_gap(pose, 0.5):
-            beside = 0.2 if self._ground is None else self._ground.half_gap - self.chair.half_width
-            share = np.clip((beside - 0.04) / 0.1, 0.0, 1.0)
-            speed = drive.careful + share * (drive.door - drive.careful)
+            speed = drive.door
         if len(self._legs) == 1 or self._rounding() <= 0.02:
             speed = min(speed, max(0.08, np.sqrt(2.0 * drive.braking * max(0.0, left))))
         return float(speed)
@@ -155,13 +148,24 @@ class Way:
 
     # ---- what a person does when it goes wrong ------------------------------------------------------
 
-    def _would_touch(self, pose, command):
-        """Whether the stick would bring the chair to a wall within the time that a person needs to stop it."""
+    def _with_care(self, pose, command):
+        """The stick slowed where there is little room; backing off, or standing, where the chair would touch."""
+        command, touches = self._slowed(pose, command)
+        if touches and not self._backing:
+            self._back_off(pose)
+            command, touches = self._slowed(pose, self._follow(pose))
+        return STOP if touches else command
+
+    def _slowed(self, pose, command):
+        """The stick for the room ahead, and whether the chair would touch before the person can stop it."""
         if self._ground is None or (command.v == 0.0 and command.w == 0.0):
-            return False
-        ahead = se2.integrate(pose, command.v, command.w, 0.4)
-        now, then = room(self._ground, self.chair, np.stack((pose, ahead)))
-        return bool(then < TOUCH and then < now - 0.002)
+            return command, False
+        ahead = se2.integrate(pose, command.v, command.w, np.array([0.3, 0.6, 0.9]))
+        rooms = room(self._ground, self.chair, np.vstack((pose, ahead)))
+        share = float(np.clip(rooms.min() / self.settings.drive.room, 0.4, 1.0))
+        slowed = Twist(share * command.v, share * command.w)
+        then = float(room(self._ground, self.chair, se2.integrate(pose, slowed.v, slowed.w, 0.5))[0])
+        return slowed, then < TOUCH and then < rooms[0] - 0.002
 
     def _back_off(self, pose):
         """One leg straight back, far enough to meet the axis anew, or as far as there is room; then a new plan.

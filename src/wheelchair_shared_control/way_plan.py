@@ -1,7 +1,8 @@
 """Legs from where the chair stands, onto a door's axis, through the gap and clear of it.
 
-Everything in the frame of ``crossing_line`` (in a plain wall the door's); a way is a list of ``Leg``, between two of them the chair turns on the spot or rounds
-the corner. The leg through the gap lies on the axis and begins at least ``drive/square`` before the plane.
+Everything in the frame of ``crossing_line`` (in a plain wall the door's). A way is a list of ``Leg``; between two of
+them the chair turns on the spot or rounds the corner. The leg through the gap lies on the axis and begins at least
+``drive/square`` before the plane.
 """
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ from wheelchair_shared_control import se2, way_search
 from wheelchair_shared_control.ground import room
 
 MARGIN = 0.15  # m: the axis is met so far before the place where the chair must be square
-CLEAR = 0.65   # m: the rearmost point so far behind the plane is clear of the door
+CLEAR = 0.75   # m: the rearmost point so far behind the plane is clear of the door
 
 
 class Leg(NamedTuple):
@@ -45,8 +46,8 @@ def plan(pose, settings, chair, ground=None):
     exit_legs = _exit(settings, chair, ground)
     axis_end = exit_legs[0].end
     on_axis = [Leg(np.array([min(pose[0], -drive.square), 0.0]), axis_end)] + exit_legs[1:]
-    if pose[0] > -drive.square + 0.05:  # too late for anything but the axis
-        return on_axis
+    if pose[0] > -drive.square + 0.05 and abs(pose[1]) < 0.3 and abs(pose[2]) < 1.0:
+        return on_axis  # in the gap, or too near to it for anything else
     ways = sorted(_direct(pose, drive, axis_end), key=lambda legs: _cost(pose, legs))
     best = None
     for legs in ways:
@@ -145,19 +146,14 @@ def _exit(settings, chair, ground):
 
 def _turn_behind(settings, chair, ground, start, reach):
     """Through the gap and round a corner, for a door that opens on a narrow corridor."""
-    low, high = np.array([0.0, -2.5]), np.array([2.5, 2.5])
+    lattice = way_search.lattice_through(np.zeros(2), np.array([0.0, -2.5]), np.array([2.5, 2.5]))
+    xs, ys = lattice.points()
     ends = []
-    for x in np.arange(0.3, high[0], way_search.STEP):
-        for y in np.arange(low[1], high[1] + 1e-6, way_search.STEP):
-            for h, yaw in enumerate(way_search.YAWS):
-                rear = min(
-                    x + chair.rear * np.cos(yaw) - chair.half_width * abs(np.sin(yaw)),
-                    x + chair.front * np.cos(yaw) - chair.half_width * abs(np.sin(yaw)),
-                )
-                if CLEAR <= rear:
-                    ends.append((x, y, h, 0.0))
+    for h, yaw in enumerate(lattice.yaws):
+        behind = min(chair.rear * np.cos(yaw), chair.front * np.cos(yaw)) - chair.half_width * abs(np.sin(yaw))
+        ends += [(i, j, h, 0.0) for i in np.nonzero(xs + behind >= CLEAR)[0] for j in range(len(ys))]
     result = way_search.search(
-        ground, chair, ends, low, high, settings.plan.clearance, settings.plan.minimum
+        ground, chair, lattice, ends, settings.plan.clearance, settings.plan.minimum
     ) if ends else None
     for x in np.arange(reach, 0.25, -0.05):
         corners = way_search.descend(result, np.array([x, 0.0, 0.0])) if result is not None else None
@@ -170,12 +166,13 @@ def _searched(pose, settings, chair, ground, axis_end):
     """Legs by the lattice search, shortened where the straight way is as free; None where there is none."""
     drive = settings.drive
     low = np.array([min(-3.6, pose[0] - 1.0), min(-2.5, pose[1] - 1.0)])
-    high = np.array([-drive.square, max(2.5, pose[1] + 1.0)])
-    # the lattice passes through the axis
-    low = way_search.STEP * np.floor(low / way_search.STEP)
-    first = way_search.STEP * np.floor((-drive.square - MARGIN) / way_search.STEP)
-    ends = [(x, 0.0, 0, -x) for x in np.arange(first, max(low[0], -2.5), -way_search.STEP)]
-    result = way_search.search(ground, chair, ends, low, high, settings.plan.clearance, settings.plan.minimum)
+    high = np.array([-0.35, max(2.5, pose[1] + 1.0)])
+    lattice = way_search.lattice_through(pose[:2], low, high)
+    xs, ys = lattice.points()
+    axis = int(np.argmin(np.abs(ys)))
+    met = np.nonzero((xs <= -drive.square - MARGIN + 1e-6) & (xs > -2.6))[0]
+    ends = [(i, axis, 0, -xs[i]) for i in met]
+    result = way_search.search(ground, chair, lattice, ends, settings.plan.clearance, settings.plan.minimum)
     corners = way_search.descend(result, pose)
     if corners is None:
         return None

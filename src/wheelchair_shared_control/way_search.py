@@ -1,6 +1,7 @@
 """Search of a way over poses of the chair: straight moves in 16 directions, turns on the spot between them.
 
-Dijkstra backward from a set of ends, on a lattice of 0.1 m; numba. Frames and units as in ``ground``.
+Dijkstra backward from a set of ends, on a lattice of about 0.1 m whose two steps are chosen so that both a given pose
+and the axis lie on it; numba. Frames and units as in ``ground``.
 """
 from typing import NamedTuple
 
@@ -11,15 +12,41 @@ from wheelchair_shared_control.ground import RESOLUTION, probes
 
 STEP = 0.1  # m
 HEADINGS = 16
-# Moves on the lattice of one heading each: atan2(1, 2) = 26.6 degrees in place of 22.5.
+# Moves on the lattice of one heading each: on equal steps atan2(1, 2) = 26.6 degrees in place of 22.5.
 _MOVES = np.array([
     [1, 0], [2, 1], [1, 1], [1, 2], [0, 1], [-1, 2], [-1, 1], [-2, 1],
     [-1, 0], [-2, -1], [-1, -1], [-1, -2], [0, -1], [1, -2], [1, -1], [2, -1],
 ])
-YAWS = np.arctan2(_MOVES[:, 1], _MOVES[:, 0])
 FORWARD, REVERSE, LEFT, RIGHT, END, NONE = 0, 1, 2, 3, 4, 5
 _TURN_COST = 0.2  # m of way for one step of heading
 _REVERSE_COST = 3.0
+
+
+class Lattice(NamedTuple):
+    """Corner ``low`` (2,) [m], ``steps`` (2,) [m] and the ``shape`` (x, y) of the lattice's points."""
+
+    low: np.ndarray
+    steps: np.ndarray
+    shape: tuple
+
+    @property
+    def yaws(self):
+        """Directions (16,) [rad] of the straight moves."""
+        return np.arctan2(_MOVES[:, 1] * self.steps[1], _MOVES[:, 0] * self.steps[0])
+
+    def points(self):
+        """x (n,) and y (m,) [m] of the points."""
+        return tuple(self.low[k] + self.steps[k] * np.arange(self.shape[k]) for k in range(2))
+
+
+def lattice_through(point, low, high):
+    """A lattice over the rectangle ``low``-``high`` (2,) with ``point`` (2,) and the x axis on it."""
+    beside = abs(point[1])
+    steps = np.array([STEP, beside / round(beside / STEP) if beside >= 0.5 * STEP else STEP])
+    origin = np.array([point[0], 0.0])
+    first = np.floor((np.asarray(low) - origin) / steps + 1e-6)
+    last = np.ceil((np.asarray(high) - origin) / steps - 1e-6)
+    return Lattice(origin + first * steps, steps, tuple((last - first).astype(int) + 1))
 
 
 class Search(NamedTuple):
@@ -27,21 +54,21 @@ class Search(NamedTuple):
 
     cost: np.ndarray
     action: np.ndarray
-    low: np.ndarray
+    lattice: Lattice
 
 
-def search(ground, chair, ends, low, high, wanted, minimum):
-    """Ways to ``ends`` (n, 4) [x, y, heading index, cost] in the rectangle ``low``-``high`` (2,) [m].
+def search(ground, chair, lattice, ends, wanted, minimum):
+    """Ways to ``ends`` (n, 4) [index x, index y, index of heading, cost].
 
     The chair keeps ``minimum`` [m] of room and pays for less than ``wanted``.
     """
-    shape = np.floor((np.asarray(high) - low) / STEP + 1e-6).astype(int) + 1
     edge, inside = probes(chair)
+    (low_x, low_y), (step_x, step_y), (nx, ny) = lattice
     table = _rooms(ground.distance, ground.origin[0], ground.origin[1], RESOLUTION, edge, inside,
-                   low[0], low[1], shape[0], shape[1], YAWS, minimum)
-    seeds = np.array([[round((x - low[0]) / STEP), round((y - low[1]) / STEP), h, c] for x, y, h, c in ends])
-    cost, action = _dijkstra(table, seeds, _MOVES, wanted, minimum)
-    return Search(cost, action, np.asarray(low, dtype=float))
+                   low_x, low_y, step_x, step_y, nx, ny, lattice.yaws, minimum)
+    lengths = np.hypot(*(_MOVES * lattice.steps).T)
+    cost, action = _dijkstra(table, np.asarray(ends, dtype=float), _MOVES, lengths, wanted, minimum)
+    return Search(cost, action, lattice)
 
 
 def descend(result, pose):
@@ -53,14 +80,15 @@ def descend(result, pose):
     if state is None:
         return None
     i, j, h = state
-    points = [(*(result.low + STEP * np.array([i, j])), YAWS[h], False)]
+    lattice, yaws = result.lattice, result.lattice.yaws
+    points = [(*(lattice.low + lattice.steps * np.array([i, j])), yaws[h], False)]
     previous = NONE
     while result.action[i, j, h] != END:
         action = result.action[i, j, h]
         if action in (FORWARD, REVERSE):
             sign = 1 if action == FORWARD else -1
             i, j = i + sign * _MOVES[h, 0], j + sign * _MOVES[h, 1]
-            point = (*(result.low + STEP * np.array([i, j])), YAWS[h], action == REVERSE)
+            point = (*(lattice.low + lattice.steps * np.array([i, j])), yaws[h], action == REVERSE)
             if previous == action:
                 points[-1] = point
             else:
@@ -73,25 +101,26 @@ def descend(result, pose):
 
 def _nearest(result, pose):
     """The lattice state nearest to ``pose`` from which there is a way; within 0.15 m and 30 degrees."""
-    middle = (pose[:2] - result.low) / STEP
+    lattice, yaws = result.lattice, result.lattice.yaws
+    middle = (pose[:2] - lattice.low) / lattice.steps
     best, lowest = None, np.inf
     for i in range(int(middle[0]) - 1, int(middle[0]) + 3):
         for j in range(int(middle[1]) - 1, int(middle[1]) + 3):
-            if not (0 <= i < result.cost.shape[0] and 0 <= j < result.cost.shape[1]):
+            if not (0 <= i < lattice.shape[0] and 0 <= j < lattice.shape[1]):
                 continue
-            apart = STEP * np.hypot(i - middle[0], j - middle[1])
+            apart = np.hypot(*(lattice.steps * (np.array([i, j]) - middle)))
             for h in range(HEADINGS):
-                turn = abs((YAWS[h] - pose[2] + np.pi) % (2.0 * np.pi) - np.pi)
+                turn = abs((yaws[h] - pose[2] + np.pi) % (2.0 * np.pi) - np.pi)
                 if apart > 0.15 or turn > 0.53 or not np.isfinite(result.cost[i, j, h]):
                     continue
-                cost = result.cost[i, j, h] + 3.0 * apart + turn
+                cost = result.cost[i, j, h] + 6.0 * apart + turn
                 if cost < lowest:
                     best, lowest = (i, j, h), cost
     return best
 
 
 @njit(cache=True)
-def _rooms(distance, x0, y0, resolution, edge, inside, low_x, low_y, nx, ny, yaws, minimum):
+def _rooms(distance, x0, y0, resolution, edge, inside, low_x, low_y, step_x, step_y, nx, ny, yaws, minimum):
     """Room (x, y, 2 * heading) at every lattice pose and half-way to the next heading; -1 where below minimum."""
     nh = 2 * len(yaws)
     table = np.full((nx, ny, nh), -1.0, dtype=np.float32)
@@ -111,7 +140,7 @@ def _rooms(distance, x0, y0, resolution, edge, inside, low_x, low_y, nx, ny, yaw
             px[k], py[k] = cos * ex - sin * ey, sin * ex + cos * ey
         for i in range(nx):
             for j in range(ny):
-                x, y = low_x + STEP * i, low_y + STEP * j
+                x, y = low_x + step_x * i, low_y + step_y * j
                 least = 2.0
                 for k in range(n):
                     column = int(np.round((x + px[k] - x0) / resolution))
@@ -176,7 +205,7 @@ def _pop(heap_cost, heap_state, size):
 
 
 @njit(cache=True)
-def _dijkstra(table, seeds, moves, wanted, minimum):
+def _dijkstra(table, seeds, moves, lengths, wanted, minimum):
     nx, ny, _ = table.shape
     nh = len(moves)
     cost = np.full((nx, ny, nh), np.inf)
@@ -195,7 +224,7 @@ def _dijkstra(table, seeds, moves, wanted, minimum):
         h, j, i = state % nh, (state // nh) % ny, state // (nh * ny)
         if here > cost[i, j, h]:
             continue
-        length = STEP * np.hypot(moves[h, 0], moves[h, 1])
+        length = lengths[h]
         # Backward: the pose from which this action leads here.
         for act in range(4):
             if act == 0 or act == 1:
