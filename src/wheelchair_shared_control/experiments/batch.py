@@ -1,22 +1,47 @@
-"""Many episodes, on one process or several; the results come in the order of the asking."""
-from joblib import Parallel, delayed
+"""Many episodes, on one process, several, or a Dask cluster."""
+from joblib import Parallel, delayed, parallel_config
 
 from wheelchair_shared_control import command_line
 from wheelchair_shared_control.errors import Error
 from wheelchair_shared_control.experiments import episode
 
 
-def run(pairs, jobs=1, label="episodes"):
-    """Results of ``pairs`` [(options, seed), ...]; ``jobs`` processes. Raises Error."""
-    pairs = list(pairs)
+class BatchError(Error):
+    """A cluster cannot be reached, or a worker died."""
+
+
+def run(pairs, jobs=1, label="episodes", dask=None):
+    """Results of ``pairs`` [(options, seed), ...] in their order. Raises Error."""
+    return [result for _, result in as_completed(list(pairs), jobs, label, dask)]
+
+
+def as_completed(pairs, jobs=1, label="episodes", dask=None):
+    """Yield ((options, seed), result) in the order of ``pairs``, each as soon as it is there.
+
+    ``jobs`` processes on this machine, or the workers of the Dask scheduler at ``dask``; every episode is the same
+    bit for bit wherever it runs. Raises Error.
+    """
     tasks = (delayed(_one)(options, seed) for options, seed in pairs)
-    # the processes keep their own compiled kernels and open no pool of threads each
-    parallel = Parallel(n_jobs=jobs, return_as="generator", batch_size=1, inner_max_num_threads=None)
-    outcomes = list(command_line.progress(parallel(tasks), len(pairs), label))
-    for outcome in outcomes:
-        if isinstance(outcome, str):
-            raise Error(outcome)
-    return outcomes
+    with _backend(jobs, dask):
+        outcomes = Parallel(n_jobs=-1 if dask else jobs, return_as="generator", batch_size=1)(tasks)
+        for pair, outcome in zip(pairs, command_line.progress(outcomes, len(pairs), label)):
+            if isinstance(outcome, str):
+                raise Error(outcome)
+            yield pair, outcome
+
+
+def _backend(jobs, dask):
+    if dask is None:
+        return parallel_config(backend="loky", n_jobs=jobs)
+    try:
+        from distributed import Client
+    except ImportError:
+        raise BatchError("--dask needs the package 'distributed' (pip install distributed)")
+    try:
+        Client(dask, timeout="20s")
+    except (OSError, TimeoutError) as error:
+        raise BatchError("no Dask scheduler at %s: %s" % (dask, error))
+    return parallel_config(backend="dask")
 
 
 def _one(options, seed):

@@ -108,7 +108,8 @@ def draw(rng, kind, camera_x, width=None):
         boxes.append(_leaf(rng, half, width, -front, float(np.radians(rng.uniform(92.0, 175.0))), 1.0, beside=True))
     room.wall(gaps)
     room.sides(side_door, openings, eye)
-    room.beyond(str(rng.choice(BEYOND)), half, rng)
+    # a wall along the normal beside the end of a wall would make an opening of it
+    room.beyond(str(rng.choice(BEYOND[:1] + BEYOND[-1:] if kind == "wall_end" else BEYOND)), half, rng)
     if kind == "furniture":
         # cupboards and shelves along the wall, clear of the jambs
         for side in (-1.0, 1.0):
@@ -203,7 +204,8 @@ class _Room:
         size = rng.uniform(0.2, 0.6, 3)
         for _ in range(20):
             x, y = rng.uniform(-4.5, 2.0), rng.uniform(self.low + 0.3, self.high - 0.3)
-            if abs(x) < 0.5 and abs(y) < half + 0.5:
+            # nothing in the door volume, nor half a metre before or behind it
+            if abs(x) < 0.9 and abs(y) < half + 0.4:
                 continue
             if np.hypot(x - eye[0], y - eye[1]) < 0.85:
                 continue

@@ -67,7 +67,7 @@ class Studio:
                 v = np.rint(self.camera.fy * y / z + self.camera.cy).astype(int)
                 inside = (z > self.wheelchair.camera.min_range) & (u >= 0) & (u < self.camera.width) & (v >= 0) & (
                     v < self.camera.height)
-                seen = np.abs(truth[v[inside], u[inside]] - z[inside]) < 0.03 + 0.02 * z[inside]
+                seen = np.abs(truth[v[inside], u[inside]] - z[inside]) < 0.02
                 if seen.sum() < 8 or (seen & (heights[inside] > 0.7)).sum() < 5:
                     return False
         return True

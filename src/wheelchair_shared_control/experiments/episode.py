@@ -42,7 +42,9 @@ class Episode:
         self.settings = settings or graphs.settings_for(options)
         wheelchair = self.settings.navigation.wheelchair
         self.footprint = footprints.from_settings(wheelchair)
-        self.setup = scenes.setup(description(options, seed), seed, wheelchair)
+        scene = description(options, seed)
+        self.setup = scenes.setup(scene, seed, wheelchair)
+        self.side = scene.get("side")
         self.log = None
 
     @property
@@ -105,10 +107,12 @@ class Episode:
                 simulator.time, simulator.truth().pose, touched, graph.assistance.state, graph.refusal
             )
         self.log = recorder.log()
-        extra = {"touch_speed": touch_speed, "escape_m": None}
+        extra = {"touch_speed": touch_speed, "escape_m": None, "door": self.door.name, "side": self.side}
         if verdict.outcome == "standstill":
             extra["escape_m"] = self._escape(graph, simulator)
-        return results.of_log(self.seed, verdict, self.log, self.footprint, extra)
+        return results.of_log(
+            self.seed, verdict, self.log, self.settings.navigation.wheelchair, extra
+        )
 
     def _escape(self, graph, simulator):
         """How far [m] the chair gets in 5 s with the stick pushed the opposite way (through its middle)."""

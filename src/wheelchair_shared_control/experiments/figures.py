@@ -45,6 +45,31 @@ def save(figure, path):
     command_line.write_atomically(path, content.getvalue())
 
 
+def pareto(lines):
+    """The user's share against clearance, a point a policy, with 95 % intervals; up and right is better."""
+    figure, axes = plt.subplots(figsize=(7.0, 4.6), dpi=110)
+    for line in lines:
+        share, clearance_ = line["user_share_all"], line["min_clearance_m"]
+        if not np.isfinite(share[0]) or not np.isfinite(clearance_[0]):
+            continue
+        touched = line["contact"].value > 0.0
+        axes.errorbar(
+            clearance_[0], share[0], xerr=[[clearance_[0] - clearance_[1]], [clearance_[2] - clearance_[0]]],
+            yerr=[[share[0] - share[1]], [share[2] - share[0]]], fmt="o", markersize=6, capsize=2, linewidth=1.0,
+            color="#c0392b" if touched else USER, markerfacecolor="white" if touched else USER,
+        )
+        label = line["policy"] + (" (%.0f %% touched)" % (100.0 * line["contact"].value) if touched else "")
+        axes.annotate(label, (clearance_[0], share[0]), xytext=(6, 6), textcoords="offset points", fontsize=8)
+    axes.set_xlabel("smallest clearance of an episode, mean [m]")
+    axes.set_ylabel("user's share, mean")
+    axes.set_ylim(-0.03, 1.08)
+    axes.margins(x=0.2)
+    axes.grid(color="0.9")
+    axes.set_axisbelow(True)
+    figure.tight_layout()
+    return figure
+
+
 def top_view(axes, log, world, door, footprint, every=0.7):
     """The world around the door from above, in the door's frame, with the footprint each ``every`` seconds."""
     to_door = se2.inverse(door.pose)

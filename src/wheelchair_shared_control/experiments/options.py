@@ -89,10 +89,22 @@ def count(low, high):
     return parse
 
 
-def add_episode_options(parser):
-    """Give ``parser`` the options that describe an episode."""
+def numbers(low, high, unit=""):
+    """An argparse type: numbers within ``low`` to ``high``, separated by commas."""
+    one = number(low, high, unit)
+    return lambda text: [one(part) for part in text.split(",") if part]
+
+
+def add_episode_options(parser, without=()):
+    """Give ``parser`` the options that describe an episode, ``without`` some (their names without dashes)."""
     defaults = Options()
-    add = parser.add_argument
+
+    def add(name, **details):
+        if name[2:] in without:
+            parser.set_defaults(**{name[2:].replace("-", "_"): details.get("default", None if name[2:] in ("door", "side") else False)})
+        else:
+            parser.add_argument(name, **details)
+
     add("--policy", default=defaults.policy, help="policy, or path.py:function (default %(default)s)")
     add("--planner", default=defaults.planner, help="planner (default %(default)s)")
     add("--user", default=defaults.user, help="simulated user, or a YAML file (default %(default)s)")
@@ -119,8 +131,11 @@ def add_episode_options(parser):
     add("--side", type=int, choices=(0, 1), help="side of the door to start from (default: by the seed)")
 
 
-def episode_options(args):
-    """``Options`` of parsed arguments. Raises OptionError where they do not fit together."""
+def episode_options(args, users=None, scenes=None, planners=None):
+    """``Options`` of parsed arguments. Raises OptionError where they do not fit together.
+
+    ``users``, ``scenes``, ``planners``: names to check where a command takes several.
+    """
     if (args.map is None) != (args.doors is None):
         raise OptionError("--map and --doors go together: the start is drawn before an annotated door")
     for name in ("door", "side"):
@@ -132,15 +147,19 @@ def episode_options(args):
                 raise OptionError(
                     "--%s is for scenes: before a real door the start is drawn by the seed" % name.replace("_", "-")
                 )
-    _known("--scene", args.scene, SCENES)
-    _known("--user", args.user, USERS)
-    _known("--planner", args.planner, PLANNERS)
+    for scene in [args.scene] if scenes is None else scenes:
+        _known("--scene", scene, SCENES)
+    for user in [args.user] if users is None else users:
+        _known("--user", user, USERS)
+    for planner in [args.planner] if planners is None else planners:
+        _known("--planner", planner, PLANNERS)
     return Options(
         policy=args.policy, planner=args.planner, user=args.user, scene=args.scene, door_width=args.door_width,
         clutter=args.clutter, person=args.person, guard=args.guard == "on", model=args.model,
         detector=args.detector == "on", camera=CAMERAS[args.camera], start_distance=args.start_distance,
         start_heading=args.start_heading, start_offset=args.start_offset, dead_time=args.dead_time, lag=args.lag,
-        drift=args.drift, map=args.map, doors=args.doors, door=args.door, side=args.side,
+        drift=args.drift, map=args.map, doors=args.doors, door=args.door,
+        side=args.side,
     )
 
 

@@ -1,13 +1,17 @@
 """The result of an episode as the dictionary that every command prints and stores."""
 import numpy as np
 
-from wheelchair_shared_control.experiments import metrics
+from wheelchair_shared_control.experiments import metrics, smoothness
+from wheelchair_shared_control.footprint import from_settings
+from wheelchair_shared_control.guard import FREE, STOPPED
 
-GUARD_FREE = 0
+SAMPLING = 1.0 / 30.0  # s: the log's ticks are brought to this before smoothness is measured
 
 
-def of_log(seed, verdict, log, footprint, extra=None):
+def of_log(seed, verdict, log, wheelchair, extra=None):
     """Result of a driven episode: outcome, times, clearance, shares; ``extra`` fields come last."""
+    footprint = from_settings(wheelchair)
+    limits = (wheelchair.limits.speed, wheelchair.limits.turn_rate)
     clearance = log.clearance[np.isfinite(log.clearance)]
     started = log.time[0] if len(log.time) else 0.0
     result = {
@@ -19,11 +23,29 @@ def of_log(seed, verdict, log, footprint, extra=None):
         "user_share": metrics.shares(log, footprint),
         "v_share": metrics.mean_or_none(metrics.speed_share_of_ticks(log)),
         "beta": metrics.mean_or_none(np.where(log.assisted, log.beta, np.nan)),
-        "guard_active": metrics.mean_or_none(log.guard != GUARD_FREE),
+        "guard_active": metrics.mean_or_none(log.guard != FREE),
         "path_length_m": metrics.path_length(log),
+        "clearance_p05_m": float(np.percentile(clearance, 5)) if clearance.size else None,
+        "disagreement": metrics.mean_or_none(np.where(log.assisted, np.abs(log.user[:, 1] - log.planner[:, 1]), np.nan)),
+        "guard_stops": int(np.count_nonzero(np.diff((log.guard == STOPPED).astype(int)) == 1)),
     }
+    result.update(_hand_and_motion(log, limits))
     result.update(extra or {})
     return result
+
+
+def _hand_and_motion(log, limits):
+    """Effort and reversals of the stick, smoothness of the chair; None where there is no value."""
+    values = {"effort": None, "reversals": None, "sparc": None, "ldlj": None}
+    if len(log.time) > 1 and log.time[-1] > log.time[0]:
+        speed = smoothness.resampled(log.time, log.velocity[:, 0], SAMPLING)
+        values = {
+            "effort": smoothness.effort(log.time, log.user, limits),
+            "reversals": smoothness.reversals(log.user[:, 1]),
+            "sparc": smoothness.sparc(speed, SAMPLING),
+            "ldlj": smoothness.ldlj(speed, SAMPLING),
+        }
+    return {name: None if value is None or not np.isfinite(value) else value for name, value in values.items()}
 
 
 def not_driven(seed, verdict):
@@ -31,7 +53,8 @@ def not_driven(seed, verdict):
     return {
         "seed": int(seed), "outcome": verdict.outcome, "reason": verdict.reason, "duration_s": None,
         "min_clearance_m": None, "user_share": {name: None for name in ("all",) + metrics.PHASES},
-        "v_share": None, "beta": None, "guard_active": None, "path_length_m": None,
+        "v_share": None, "beta": None, "guard_active": None, "path_length_m": None, "clearance_p05_m": None,
+        "disagreement": None, "guard_stops": None, "effort": None, "reversals": None, "sparc": None, "ldlj": None,
     }
 
 

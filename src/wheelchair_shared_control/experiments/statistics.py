@@ -42,3 +42,15 @@ def paired_difference(first, second, rng, statistic=np.mean, resamples=4000):
     differences = statistic(first[draws], axis=1) - statistic(second[draws], axis=1)
     low, high = np.percentile(differences, [2.5, 97.5])
     return float(statistic(first, axis=0) - statistic(second, axis=0)), float(low), float(high)
+
+
+def mean_interval(values, seed=0, resamples=2000):
+    """Mean of the finite ``values`` with its 95 % bootstrap interval: (value, low, high), NaN without values."""
+    values = np.array([np.nan if value is None else value for value in values], float)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return np.nan, np.nan, np.nan
+    rng = np.random.default_rng(seed)
+    means = values[rng.integers(0, len(values), (resamples, len(values)))].mean(axis=1)
+    low, high = np.percentile(means, [2.5, 97.5])
+    return float(values.mean()), float(low), float(high)
