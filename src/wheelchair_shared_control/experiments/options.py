@@ -101,7 +101,7 @@ def add_episode_options(parser, without=()):
 
     def add(name, **details):
         if name[2:] in without:
-            parser.set_defaults(**{name[2:].replace("-", "_"): details.get("default", None if name[2:] in ("door", "side") else False)})
+            parser.set_defaults(**{name[2:].replace("-", "_"): None})
         else:
             parser.add_argument(name, **details)
 
@@ -155,7 +155,7 @@ def episode_options(args, users=None, scenes=None, planners=None):
         _known("--planner", planner, PLANNERS)
     return Options(
         policy=args.policy, planner=args.planner, user=args.user, scene=args.scene, door_width=args.door_width,
-        clutter=args.clutter, person=args.person, guard=args.guard == "on", model=args.model,
+        clutter=args.clutter, person=bool(args.person), guard=args.guard == "on", model=args.model,
         detector=args.detector == "on", camera=CAMERAS[args.camera], start_distance=args.start_distance,
         start_heading=args.start_heading, start_offset=args.start_offset, dead_time=args.dead_time, lag=args.lag,
         drift=args.drift, map=args.map, doors=args.doors, door=args.door,

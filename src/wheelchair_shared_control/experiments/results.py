@@ -26,7 +26,7 @@ def of_log(seed, verdict, log, wheelchair, extra=None):
         "guard_active": metrics.mean_or_none(log.guard != FREE),
         "path_length_m": metrics.path_length(log),
         "clearance_p05_m": float(np.percentile(clearance, 5)) if clearance.size else None,
-        "disagreement": metrics.mean_or_none(np.where(log.assisted, np.abs(log.user[:, 1] - log.planner[:, 1]), np.nan)),
+        "disagreement": metrics.mean_or_none(np.abs(log.user[:, 1] - log.planner[:, 1])[log.assisted]),
         "guard_stops": int(np.count_nonzero(np.diff((log.guard == STOPPED).astype(int)) == 1)),
     }
     result.update(_hand_and_motion(log, limits))
