@@ -33,7 +33,7 @@ case "$root" in *[[:space:]]*) fail "catkin does not work in a path with blanks:
 packages=(build-essential ca-certificates cmake git python3 python3-dev python3-setuptools python3-venv
   libegl1 libgl1 libgl1-mesa-dri libgomp1 libusb-1.0-0 xauth xvfb)
 if [ -d /opt/ros/noetic ]; then
-  packages+=(ros-noetic-{actionlib,actionlib-msgs,catkin,geometry-msgs,joy,map-msgs,message-generation}
+  packages+=(ros-noetic-{actionlib,actionlib-msgs,catkin,diagnostic-msgs,geometry-msgs,joy,map-msgs,message-generation}
     ros-noetic-{message-runtime,move-base-msgs,nav-msgs,robot-state-publisher,rosbag,rosbash,rosgraph-msgs}
     ros-noetic-{roslaunch,rosmsg,rosnode,rosparam,rospy,rosservice,rostest,rostopic,rviz,sensor-msgs}
     ros-noetic-{std-msgs,std-srvs,tf2-ros,visualization-msgs})
@@ -42,7 +42,7 @@ else
   packages+=(catkin librostest-dev rosbash rviz
     ros-{geometry-msgs,map-msgs,message-generation,message-runtime,move-base-msgs,nav-msgs}
     ros-{robot-state-publisher,sensor-msgs,std-msgs}
-    python3-{actionlib,actionlib-msgs,geometry-msgs,map-msgs,move-base-msgs,nav-msgs,sensor-msgs,std-srvs}
+    python3-{actionlib,actionlib-msgs,diagnostic-msgs,geometry-msgs,map-msgs,move-base-msgs,nav-msgs,sensor-msgs,std-srvs}
     python3-{rosbag,roscpp-msg,rosgraph,rosgraph-msgs,roslaunch,roslib,rosmaster,rosmsg,rosnode,rosparam}
     python3-{rospy,rosservice,rostest,rostopic,tf2-ros,visualization-msgs})
 fi
