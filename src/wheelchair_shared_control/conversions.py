@@ -45,6 +45,26 @@ def yaw_of(quaternion):
     return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
+def goal_pose_of(message):
+    """Pose (3,) of a goal's ``geometry_msgs/Pose``, as lenient as the C++ move_base: any length, but upright.
+
+    Raises ConversionError.
+    """
+    q = message.orientation
+    quaternion = np.array([q.x, q.y, q.z, q.w])
+    norm = float(np.linalg.norm(quaternion))
+    if not np.isfinite(norm) or norm < 1e-3:
+        raise ConversionError("invalid quaternion (%g, %g, %g, %g)" % tuple(quaternion))
+    x, y, z, w = quaternion / norm
+    if 1.0 - 2.0 * (x * x + y * y) < 0.999:
+        raise ConversionError("invalid quaternion (%g, %g, %g, %g): it is tilted" % tuple(quaternion))
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    pose = np.array([message.position.x, message.position.y, yaw])
+    if not np.isfinite(pose).all():
+        raise ConversionError("position (%g, %g) is not finite" % tuple(pose[:2]))
+    return pose
+
+
 def fill_quaternion(message, yaw):
     """Set a quaternion message to a turn of ``yaw`` [rad] about z."""
     message.x = message.y = 0.0
@@ -291,11 +311,11 @@ def updated_grid(grid, message):
 
 
 def fill_grid(message, grid):
-    """Set a ``nav_msgs/OccupancyGrid`` (its header is the caller's)."""
+    """Set a ``nav_msgs/OccupancyGrid`` (its header is the caller's); the cells stay an array, for ``numpy_msg``."""
     message.info.height, message.info.width = grid.cells.shape
     message.info.resolution = grid.resolution
     fill_pose(message.info.origin, (grid.origin[0], grid.origin[1], 0.0))
-    message.data = np.ascontiguousarray(grid.cells, dtype=np.int8).reshape(-1).tolist()
+    message.data = np.ascontiguousarray(grid.cells, dtype=np.int8).reshape(-1)
     return message
 
 

@@ -100,6 +100,17 @@ class Navigator:
         self._forget()
         self.status, self.reason = status, reason
 
+    def make_plan(self, snapshot, start, goal, tolerance=0.0):
+        """Poses (n, 3) from ``start`` (3,) to ``goal`` (3,), both in odom, none driven; (0, 3) where there is no way.
+
+        ``tolerance`` [m]: how far from the goal the plan may end.
+        """
+        goal = np.asarray(goal, dtype=float)
+        field = clearance.padded(clearance.make_field(snapshot), goal[:2], 1.0, 4.0)
+        path, _ = self.planner.plan(field, start, goal, True, tolerance=tolerance)
+        self._searching = False
+        return EMPTY if path is None else path.poses
+
     # --- one cycle ---------------------------------------------------------------------------------------
     def update(self, now, odometry, snapshot, user_v=None, candidates=False):
         """Decision of one control cycle.
@@ -272,7 +283,8 @@ class Navigator:
             way, deviation, turned = self._remaining(field, anchor)
             blocked = (self.planner.blocked(way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
                        or (not allow_reverse and bool(np.any(way.kinds < 0))))
-        if not self._searching and now - self._searched_at >= (0.2 if blocked else 1.0 / self.settings.planner_frequency):
+        period = 0.2 if blocked else 1.0 / self.settings.planner_frequency
+        if not self._searching and now - self._searched_at >= period:
             self._searched_at, self._searching = now, True
             self.planner.begin(field, anchor, self.goal, allow_reverse, moving)
         if self._searching:

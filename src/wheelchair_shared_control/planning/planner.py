@@ -14,6 +14,7 @@ from wheelchair_shared_control.planning.following import kinds_of, seen_ahead
 
 SLIMMER = 0.04
 SLIM_FLOOR = -0.03
+GOAL_XY, GOAL_YAW = 0.05, 0.1  # m, rad: how near to the goal a search ends
 # comfortable [m], near [m], then weights: spine, outline, near, pose xy, pose yaw, end xy, end yaw,
 # change of ds, change of dtheta, bending.
 REFINEMENT = np.array([0.30, 0.07, 40.0, 30.0, 200.0, 0.3, 0.05, 40.0, 20.0, 300.0, 1.0, 0.15])
@@ -78,24 +79,24 @@ class Planner:
         bad = np.flatnonzero(path.clear < floor)
         return int(bad[0]) if len(bad) else -1
 
-    def begin(self, field, start, goal, allow_reverse, moving=-1):
+    def begin(self, field, start, goal, allow_reverse, moving=-1, tolerance=0.0):
         """Set up a plan from ``start`` (3,) to ``goal`` (3,); ``go_on`` then works on it."""
         allow_reverse = allow_reverse and self.settings.min_vel_x < 0.0
         self._task = (field, np.array(start, dtype=float), self._inside(field, np.asarray(goal, dtype=float)),
-                      allow_reverse, moving)
+                      allow_reverse, moving, max(GOAL_XY, tolerance))
         self._tight = None
         self._begin_search(self._slim, SLIM_FLOOR)
 
     def _begin_search(self, which, floor):
-        field, start, goal, allow_reverse, moving = self._task
+        field, start, goal, allow_reverse, moving, reach = self._task
         self._search = which
-        which.begin(field, start, goal, 0.05, 0.1, allow_reverse, floor, moving)
+        which.begin(field, start, goal, reach, GOAL_YAW, allow_reverse, floor, moving)
 
     def go_on(self, cap):
-        """Work on the plan begun, expanding at most ``cap`` states: None while it goes on, else (Path or None, reason)."""
+        """Work on the plan begun: None after ``cap`` states if it goes on, else (Path or None, reason)."""
         if not self._search.expand(cap):
             return None
-        field, start, goal, _, _ = self._task
+        field, start, goal = self._task[:3]
         found = self._search.result()
         slim = self._search is self._slim
         if found.steps is not None:
@@ -113,9 +114,9 @@ class Planner:
             return None, "no path within %d states" % found.expansions
         return None, "no way through for a chair of %.2f m" % self.footprint.width
 
-    def plan(self, field, start, goal, allow_reverse, moving=-1):
+    def plan(self, field, start, goal, allow_reverse, moving=-1, tolerance=0.0):
         """(Path or None, reason) from ``start`` (3,) to ``goal`` (3,), at once."""
-        self.begin(field, start, goal, allow_reverse, moving)
+        self.begin(field, start, goal, allow_reverse, moving, tolerance)
         while True:
             done = self.go_on(self.settings.max_expansions)
             if done is not None:
