@@ -315,8 +315,20 @@ def fill_grid(message, grid):
     message.info.height, message.info.width = grid.cells.shape
     message.info.resolution = grid.resolution
     fill_pose(message.info.origin, (grid.origin[0], grid.origin[1], 0.0))
-    message.data = np.ascontiguousarray(grid.cells, dtype=np.int8).reshape(-1)
+    message.data = cells_data(grid.cells)
     return message
+
+
+class _Writable(np.ndarray):
+    """An array that genpy can write: it calls ``tostring``, which NumPy dropped in 2.3."""
+
+    def tostring(self):
+        return self.tobytes()
+
+
+def cells_data(cells):
+    """Cells (rows, columns) as the ``data`` of a grid's ``numpy_msg``."""
+    return np.ascontiguousarray(cells, dtype=np.int8).reshape(-1).view(_Writable)
 
 
 def _int8(data):
