@@ -101,31 +101,38 @@ def _read(path, image, settings):
         raise SceneError("%s: image %s cannot be read: %s" % (path, image, " ".join(str(error).split())))
     finally:
         Image.MAX_IMAGE_PIXELS = largest
+    if channels.dtype == np.uint8 and channels.ndim == 2:
+        # one byte a pixel: every shade is judged once
+        occupied, free = _judged(np.arange(256.0), settings)
+        pixels = channels[::-1]
+        return occupied[pixels], free[pixels]
     if alpha is not None and settings["mode"] == "trinary":
         channels = np.concatenate((channels, alpha[..., None]), axis=-1)  # map_server averages it in
-    shade = channels.mean(axis=-1)[::-1]
-    if settings["mode"] == "raw":
-        value = np.where(settings["negate"], 255.0 - shade, shade)
-        return (value <= 100) & (value / 100.0 > settings["occupied_thresh"]), value / 100.0 < settings["free_thresh"]
-    occupancy = shade / 255.0 if settings["negate"] else (255.0 - shade) / 255.0
-    occupied, free = occupancy > settings["occupied_thresh"], occupancy < settings["free_thresh"]
+    occupied, free = _judged(channels.mean(axis=-1, dtype=np.float32)[::-1], settings)
     if alpha is not None and settings["mode"] == "scale":
         seen = alpha[::-1] > 0
         occupied, free = occupied & seen, free & seen
     return occupied, free
 
 
+def _judged(shade, settings):
+    """Whether shades 0-255 are occupied, and whether they are free."""
+    if settings["mode"] == "raw":
+        value = 255.0 - shade if settings["negate"] else shade
+        return (value <= 100) & (value / 100.0 > settings["occupied_thresh"]), value / 100.0 < settings["free_thresh"]
+    occupancy = shade / 255.0 if settings["negate"] else (255.0 - shade) / 255.0
+    return occupancy > settings["occupied_thresh"], occupancy < settings["free_thresh"]
+
+
 def _channels(picture):
-    """Colour channels (rows, columns, k) of 0-255, and alpha (rows, columns) or None."""
+    """Pixels (rows, columns) uint8, or colour channels (rows, columns, k) of 0-255; and alpha or None."""
     if picture.mode.startswith("I") or picture.mode == "F":
-        values = np.array(picture, dtype=float)
-        return values[..., None] * (255.0 / (65535.0 if values.max(initial=0.0) > 255.0 else 255.0)), None
-    if picture.mode in ("P", "PA", "LA", "RGBA", "La", "RGBa"):
-        if "transparency" in picture.info or picture.mode != "P":
-            values = np.array(picture.convert("RGBA"), dtype=float)
-            return values[..., :3], values[..., 3]
-    values = np.array(picture.convert("L" if picture.mode in ("1", "L") else "RGB"), dtype=float)
-    return (values[..., None] if values.ndim == 2 else values), None
+        values = np.array(picture, dtype=np.float32)
+        return values[..., None] * np.float32(255.0 / (65535.0 if values.max(initial=0.0) > 255.0 else 255.0)), None
+    if picture.mode in ("PA", "LA", "RGBA", "La", "RGBa") or "transparency" in picture.info:
+        values = np.array(picture.convert("RGBA"))
+        return values[..., :3], values[..., 3]
+    return np.array(picture.convert("L" if picture.mode in ("1", "L") else "RGB")), None
 
 
 @njit(cache=True)

@@ -197,11 +197,11 @@ def add_clutter(world, door, start, rng, footprint=footprints.Footprint(1.05, 0.
         entry = se2.transform_points(door.pose, np.array([[-1.5, 0.0]]))[0]
         keep_out += [footprints.corners(footprint, start), np.array([start[:2], entry])]
         margins += [0.4, footprint.circumscribed_radius]
-    rows, names = list(world.boxes), list(world.names)
-    walls = [polygon for polygon in outlines.from_boxes(world.boxes)[:, :4]]
+    rows, names, placed = [], [], []
+    standing = outlines.near(outlines.from_world(world, 0.0, 1.0), door.pose[:2], 6.0)
     wanted = int(rng.integers(3, 7))
     for _ in range(200 * wanted):
-        if len(rows) == len(world.boxes) + wanted:
+        if len(rows) == wanted:
             break
         size = rng.uniform(0.2, 0.6, size=3)
         where = se2.compose(door.pose, np.array([rng.uniform(-4.0, 3.0), rng.uniform(-2.3, 2.3),
@@ -210,13 +210,16 @@ def add_clutter(world, door, start, rng, footprint=footprints.Footprint(1.05, 0.
         shape = outlines.from_boxes(np.array([row]))[0, :4]
         if any(outlines.polygon_distance(shape, area) <= margin for area, margin in zip(keep_out, margins)):
             continue
-        if any(outlines.polygon_distance(shape, other) <= 0.02 for other in walls):
+        if outlines.clearance(standing, shape) <= 0.02:
+            continue
+        if any(outlines.polygon_distance(shape, other) <= 0.02 for other in placed):
             continue
         rows.append(row)
-        names.append("clutter_%d" % (len(rows) - len(world.boxes)))
-        walls.append(shape)
-    boxes = np.array(rows)
-    return world._replace(boxes=boxes, names=tuple(names[: len(boxes)]) + world.names[len(world.boxes):])
+        placed.append(shape)
+        names.append("clutter_%d" % len(rows))
+    count = len(world.boxes)
+    return world._replace(boxes=np.vstack((world.boxes, np.array(rows).reshape(-1, 7))),
+                          names=world.names[:count] + tuple(names) + world.names[count:])
 
 
 def _doors_of(world, s):

@@ -61,27 +61,30 @@ def somewhere(world, rng, footprint=footprints.Footprint(1.05, 0.65, 0.35), shap
     """A free pose (3,) in a world without doors, or None: the origin, else a draw with room all round."""
     shapes = outlines.from_world(world) if shapes is None else shapes
     grown = footprints.grown(footprint, REAL_MARGIN)
-    pose, known = np.zeros(3), world.floor
+    known = world.floor
+    poses = np.zeros((TRIES, 3))
+    poses[1:, 2] = rng.uniform(-np.pi, np.pi, TRIES - 1)
     if known is not None:
-        rows, columns = np.nonzero(known.free)
-        if len(rows) == 0:
-            return None
+        places = _free_places(known, rng)
+        poses[1:, :2] = places[rng.integers(len(places), size=TRIES - 1)] if len(places) else 0.0
     elif len(shapes.counts):
-        valid = shapes.vertices.reshape(-1, 2)
-        low, high = valid.min(axis=0), valid.max(axis=0)
-    for _ in range(TRIES):
+        corners = shapes.vertices.reshape(-1, 2)
+        poses[1:, :2] = rng.uniform(corners.min(axis=0), corners.max(axis=0), (TRIES - 1, 2))
+    for pose in poses:
         free = outlines.clearance(shapes, footprints.corners(footprint, pose)) > REAL_MARGIN
         if free and (known is None or np.all(is_free(known, _filled(grown, pose, known.resolution / 2.0)))):
             return pose
-        yaw = rng.uniform(-np.pi, np.pi)
-        if known is not None:
-            cell = rng.integers(len(rows))
-            place = se2.transform_points(known.origin, np.array([[columns[cell] + 0.5, rows[cell] + 0.5]])
-                                         * known.resolution)[0]
-        else:
-            place = rng.uniform(low, high)
-        pose = np.array([place[0], place[1], yaw])
     return None
+
+
+def _free_places(floor, rng):
+    """Centres (n, 2) [m] of some free cells; none where no cell is free."""
+    rows, columns = (rng.integers(size, size=50 * TRIES) for size in floor.free.shape)
+    chosen = floor.free[rows, columns]
+    rows, columns = rows[chosen], columns[chosen]
+    if len(rows) == 0:  # few cells are free: look at all
+        rows, columns = np.nonzero(floor.free)
+    return se2.transform_points(floor.origin, (np.column_stack((columns, rows)) + 0.5) * floor.resolution)
 
 
 def _filled(footprint, pose, step):
