@@ -12,6 +12,7 @@ from wheelchair_shared_control.person import along_leg, turn_on_the_spot
 from wheelchair_shared_control.values import STOP, Twist
 from wheelchair_shared_control.way_plan import MARGIN, Leg, crossing_line, plan, settles
 
+TRIES = 4  # to meet the axis anew; then the chair goes as it stands
 TOUCH = 0.012  # m: half a cell of the ground's grid; less room counts as a touch
 
 
@@ -28,7 +29,7 @@ class Way:
             self._ground = from_world(world, se2.compose(door_pose_world, self._line)) if moved else ground
         self._legs, self._turning, self._planned = [], False, False
         self._moved, self._moved_at = None, None
-        self._backing = False
+        self._backing, self._tries = False, 0
 
     @property
     def legs(self):
@@ -56,18 +57,18 @@ class Way:
             return STOP
         if assistance_state != ASSISTING and self._stuck(now, pose):
             self._back_off(pose)
-        command = self._follow(pose)
+        command = self._follow(pose, twist)
         if assistance_state != ASSISTING:
-            command = self._with_care(pose, command)
+            command = self._with_care(pose, twist, command)
         self._note_motion(now, pose, command)
         return command
 
     def _on_line(self, pose):
         return se2.compose(se2.inverse(self._line), pose)
 
-    def _follow(self, pose):
+    def _follow(self, pose, twist):
         leg = self._legs[0]
-        command, self._turning = along_leg(pose, leg, self._speed(pose, leg), self._turning, self.settings)
+        command, self._turning = along_leg(pose, leg, self._speed(pose, twist, leg), self._turning, self.settings)
         if self._turning and not self._may_turn(pose):
             # In the gap there is no room to turn on the spot: creep on and let the path's pull do it.
             command = Twist(0.4 * self.settings.drive.back, command.w)
@@ -102,7 +103,19 @@ class Way:
                 self._legs = self._plan(pose)
                 self._begin_leg(pose)
                 return
+            if self._misses_axis(pose):
+                self._tries += 1
+                self._legs = self._plan(pose)
             self._begin_leg(pose)
+
+    def _misses_axis(self, pose):
+        """Whether the leg through the gap begins so far off its line that it is better met again."""
+        before = -self.settings.drive.square - pose[0]
+        through_gap = self._legs and before > -0.1 and self._legs[0].end[0] > 0.0
+        off = abs(float(se2.wrap_angle(self._legs[0].heading - pose[2]))) if self._legs else 0.0
+        return bool(
+            through_gap and self._tries < TRIES and abs(pose[1]) > 0.03 and not settles(before, off, pose[1])
+        )
 
     def _begin_leg(self, pose):
         """A leg that must be met square, with no way left to become so, begins with a turn on the spot."""
@@ -126,7 +139,7 @@ class Way:
 
     # ---- speed -------------------------------------------------------------------------------------
 
-    def _speed(self, pose, leg):
+    def _speed(self, pose, twist, leg):
         drive = self.settings.drive
         direction = leg.direction
         left = float(direction @ (leg.end - pose[:2]))
@@ -136,6 +149,8 @@ class Way:
         elif self._in_gap(pose, 0.5):
             speed = drive.door
         if len(self._legs) == 1 or self._rounding() <= 0.02:
+            # the chair rolls on while hand, limiter and motors follow
+            left -= drive.reaction * abs(twist.v)
             speed = min(speed, max(0.08, np.sqrt(2.0 * drive.braking * max(0.0, left))))
         return float(speed)
 
@@ -148,12 +163,12 @@ class Way:
 
     # ---- what a person does when it goes wrong ------------------------------------------------------
 
-    def _with_care(self, pose, command):
+    def _with_care(self, pose, twist, command):
         """The stick slowed where there is little room; backing off, or standing, where the chair would touch."""
         command, touches = self._slowed(pose, command)
         if touches and not self._backing:
             self._back_off(pose)
-            command, touches = self._slowed(pose, self._follow(pose))
+            command, touches = self._slowed(pose, self._follow(pose, twist))
         return STOP if touches else command
 
     def _slowed(self, pose, command):

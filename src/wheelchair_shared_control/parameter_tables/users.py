@@ -17,6 +17,7 @@ TABLE = [
     P("drive/back", float, "m/s", 0.05, 1.0, "speed backward"),
     P("drive/room", float, "m", 0.01, 1.0, "with less room than this around the chair the person slows down"),
     P("drive/braking", float, "m/s2", 0.05, 1.0, "how hard the person brakes towards a point"),
+    P("drive/reaction", float, "s", 0.0, 2.0, "the person reckons that the chair rolls on so long before it brakes"),
     P("drive/turn", float, "rad/s", 0.1, 1.0, "turn rate on the spot"),
     P("drive/heading_gain", float, "1/s", 0.1, 5.0, "turn rate for each radian off"),
     P("drive/look_ahead", float, "m", 0.1, 2.0, "distance over which the person returns to the path"),
