@@ -11,6 +11,7 @@ from wheelchair_shared_control.footprint import distance_to_points, grown
 from wheelchair_shared_control.grid import occupied_points
 
 NO_ROOM = "no room behind the door"
+BEHIND = 0.3  # m behind the plane the way to the goal begins: clear of walls up to 0.5 m thick
 
 
 class Choice(NamedTuple):
@@ -105,7 +106,10 @@ def free_goal_among(door_pose, obstacles, chair, limits):
     local = local[near]
     outline = grown(chair, limits.margin)
     for candidate in _candidates(limits):
-        if not len(local) or distance_to_points(outline, candidate, local).min() > 0.0:
+        # The way from the door to the goal belongs to it: a pose behind another wall is not behind this door.
+        back = max(outline.axle_to_rear, candidate[0] - BEHIND)
+        swept = outline._replace(length=outline.front + back, axle_to_rear=back)
+        if not len(local) or distance_to_points(swept, candidate, local).min() > 0.0:
             return se2.compose(door_pose, candidate)
     return None
 
