@@ -12,6 +12,7 @@ from wheelchair_shared_control.simulation.simulator import Simulator
 from wheelchair_shared_control.values import STOP, Twist
 
 ESCAPE_TIME = 5.0  # s with the stick pushed the opposite way
+FRONT_EDGE = 0.02  # m behind the front edge a touch still counts as one of the front
 STICK_WINDOW = 1.0  # s over which the stick is averaged for that
 CHOICE_STREAM = 11  # of chance: which door, which side, where the command line leaves it open
 
@@ -90,7 +91,7 @@ class Episode:
         graph = graphs.Graph(self.options, self.setup, self.seed, self.settings, simulator)
         referee = Referee(self.door.pose, self.footprint, blending.needs_planner(self.options.policy))
         recorder = Recorder(self.door.pose)
-        verdict, touch_speed = None, None
+        verdict = None
         while verdict is None:
             # the chair's state when the command was made belongs to the command
             truth = simulator.truth()
@@ -101,13 +102,11 @@ class Episode:
                 if watch is not None:
                     watch(graph, simulator)
             touched = [name for name, _ in simulator.contacts()]
-            if touched:
-                touch_speed = float(truth.twist.v)
             verdict = referee.update(
                 simulator.time, simulator.truth().pose, touched, graph.assistance.state, graph.refusal
             )
         self.log = recorder.log()
-        extra = {"touch_speed": touch_speed, "escape_m": None, "door": self.door.name, "side": self.side}
+        extra = {"front_touch_speed": front_touch_speed(simulator.touches, self.footprint), "escape_m": None, "door": self.door.name, "side": self.side}
         if verdict.outcome == "standstill":
             extra["escape_m"] = self._escape(graph, simulator)
         return results.of_log(
@@ -128,6 +127,12 @@ class Episode:
                 graph.override_user(Twist(*(-recent.mean(axis=0))))
             poses.append(simulator.truth().pose)
         return metrics.corner_path(self.footprint, poses)
+
+
+def front_touch_speed(touches, footprint):
+    """Fastest forward speed [m/s] of the chair at a touch of its front edge; None without one."""
+    speeds = [touch.v for touch in touches if touch.place[0] >= footprint.front - FRONT_EDGE]
+    return max(speeds) if speeds else None
 
 
 def run(options, seed, settings=None):

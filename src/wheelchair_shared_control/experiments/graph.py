@@ -12,9 +12,9 @@ from wheelchair_shared_control.assistance import ASSISTING, FAULT, Assistance, A
 from wheelchair_shared_control.costmap import Costmap, to_grid
 from wheelchair_shared_control.planning.navigation import Navigator
 from wheelchair_shared_control.shared_control import Inputs, SharedControl
+from wheelchair_shared_control.simulation import true_doorway
 from wheelchair_shared_control.simulation.scenes import USER_STREAM, stream
 from wheelchair_shared_control.task_model import TaskModel
-from wheelchair_shared_control.values import Doorway
 
 TICK = 1.0 / 60.0  # s: the least common step of the rates below
 CAMERA_EVERY = 6  # ticks: 10 Hz, and with it the costmap
@@ -24,7 +24,6 @@ REFINE_EVERY = 30  # ticks: 2 Hz, the detector while a doorway is latched
 
 DENSITY_LEVEL = 0.05  # quantile of the training set below which an input counts as not demonstrated
 DETECTOR_SEED = 0
-TRUTH_COVARIANCE = np.diag([1e-6, 1e-6, 1e-6])
 
 
 class GraphSettings(NamedTuple):
@@ -222,15 +221,8 @@ class Graph:
         if self._detector is not None:
             self._doorways, self._detector_reason = self._detector.look(self._depth, self._odometry.pose)
         else:
-            self._doorways = (self._true_doorway(now),)
-
-    def _true_doorway(self, now):
-        """The true door, where odometry believes it to be now."""
-        truth = self.simulator.truth().pose
-        pose = se2.compose(self._odometry.pose, se2.compose(se2.inverse(truth), self.door.pose))
-        half = self.door.width / 2.0
-        jambs = se2.transform_points(pose, np.array([[0.0, half], [0.0, -half]]))
-        return Doorway(pose, self.door.width, 1.0, jambs, TRUTH_COVARIANCE, now)
+            truth = self.simulator.truth().pose
+            self._doorways = (true_doorway.in_odom(self.door, truth, self._odometry.pose, now),)
 
     def _plan(self, now):
         user_v = None if self._planner_alone else self._user_command.v

@@ -9,5 +9,6 @@ TABLE = [
     P("button_number", int, "", 0, 63, "button of joy that X is"),
     P("cancel_number", int, "", 0, 63, "button of joy that circle is"),
     P("rate", float, "Hz", 5.0, 100.0, "commands a second"),
+    P("wait_for", list, "", None, None, "topics that must have been heard before the person moves"),
     P("truth_age", float, "s", 0.05, 5.0, "without a newer true pose the stick is let go"),
 ]
