@@ -16,6 +16,8 @@ from wheelchair_shared_control.values import STOP, Twist
 
 FREE, SLOWED, STOPPED, DEGRADED = 0, 1, 2, 3
 SCALES = (0.85, 0.7, 0.55, 0.4, 0.28, 0.18, 0.1, 0.05)
+PART_SCALES = (1.0, 0.6, 0.35, 0.2, 0.1)
+SLIDE_BELOW = 0.3  # of the command left on its own arc: below, a part of it may pass instead
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
 # The outline is taken smaller by this much [m] where unknown ground is concerned, both for what counts as driven
@@ -140,6 +142,20 @@ class Guard:
         hit = self._hit(command, pose, v, w, obstacles)
         if hit is None:
             return Verdict(command, FREE, "")
+        scale, hit = self._same_arc(command, pose, v, w, obstacles, hit)
+        what = self._describe(hit, obstacles, pose)
+        least = Twist(command.v * scale, command.w * scale)
+        if scale < SLIDE_BELOW:
+            least = self._part(command, least, pose, v, w, obstacles)
+        point = obstacles[0][hit]
+        if least.v == 0.0 and least.w == 0.0:
+            return Verdict(STOP, STOPPED, "stopped: " + what, point)
+        if least == Twist(command.v * scale, command.w * scale):
+            return Verdict(least, SLOWED, "slowed to %.0f %%: %s" % (100.0 * scale, what), point)
+        return Verdict(least, SLOWED, "turns less: " + what, point)
+
+    def _same_arc(self, command, pose, v, w, obstacles, hit):
+        """Largest scale in [0, 1) at which the command passes, and what stands against a larger one."""
         passed, failed = 0.0, 1.0
         for scale in SCALES:
             slower = self._hit(Twist(command.v * scale, command.w * scale), pose, v, w, obstacles)
@@ -154,13 +170,28 @@ class Guard:
                 passed = scale
             else:
                 failed, hit = scale, slower
-        what = self._describe(hit, obstacles, pose)
-        if passed == 0.0:
-            return Verdict(STOP, STOPPED, "stopped: " + what, obstacles[0][hit])
-        return Verdict(
-            Twist(command.v * passed, command.w * passed), SLOWED,
-            "slowed to %.0f %%: %s" % (100.0 * passed, what), obstacles[0][hit],
-        )
+        return passed, hit
+
+    def _part(self, command, least, pose, v, w, obstacles):
+        """What passes of a command whose own arc is as good as closed: the same way with less of its turn.
+
+        A chair in a doorway swings its rear out with the slightest turn, and would stand there for ever although
+        the way straight on is open. Nothing is added: both components stay between 0 and the command's.
+        """
+        if command.v == 0.0 or command.w == 0.0:
+            return least
+        radius = self._footprint.circumscribed_radius
+        best, most = least, abs(least.v) + radius * abs(least.w)
+        for turn in (0.5, 0.2, 0.0):
+            for scale in PART_SCALES:
+                part = Twist(command.v * scale, command.w * turn * scale)
+                moved = abs(part.v) + radius * abs(part.w)
+                if moved <= most:
+                    break
+                if self._hit(part, pose, v, w, obstacles) is None:
+                    best, most = part, moved
+                    break
+        return best
 
     def _obstacles(self, scene, present, pose, acts):
         """Points (n, 2), velocities (n, 2), kinds (n,): 0 still, 1 moving, 2 unknown, 3 unknown ahead; half
