@@ -72,7 +72,7 @@ def camera_pitch_error(depth, intrinsics, odom_from_camera, tolerance, bins):
     return np.arctan(mean) if abs(mean) <= tolerance else np.nan
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limits,
                   hits, bands, places, floor, drops):
     """Sort every pixel of ``depth`` into the counters of its cell.
@@ -99,65 +99,77 @@ def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limit
     ahead_x = m[0, 2] / norm if norm > 1e-6 else np.float32(1.0)
     ahead_y = m[1, 2] / norm if norm > 1e-6 else np.float32(0.0)
     per_band = np.float32(1.0) / BAND_HEIGHT
-    four = np.float32(4.0)
+    zero, four = np.float32(0.0), np.float32(4.0)
+    width_cells, height_cells = np.float32(columns), np.float32(rows)
+    # the rays of a row, in cells a metre of depth: a part of the row and a part of the column
     xn = ((np.arange(width) - cx) / fx).astype(np.float32)
-    columns_x, columns_y, columns_z = m[0, 0] * xn, m[1, 0] * xn, m[2, 0] * xn
+    columns_x, columns_y, columns_z = m[0, 0] * xn * inverse, m[1, 0] * xn * inverse, m[2, 0] * xn
+    columns_ahead = (m[0, 0] * ahead_x + m[1, 0] * ahead_y) * xn
+    kind = np.empty(width, np.int8)
+    cell = np.empty(width, np.int32)
+    place = np.empty(width, np.int32)
+    band = np.empty(width, np.int32)
+    hits_flat, bands_flat, places_flat = hits.ravel(), bands.ravel(), places.ravel()
+    floor_flat, drops_flat = floor.ravel(), drops.ravel()
     for v in range(height):
         yn = np.float32((v - cy) / fy)
-        row_x = m[0, 1] * yn + m[0, 2]
-        row_y = m[1, 1] * yn + m[1, 2]
+        row_x = (m[0, 1] * yn + m[0, 2]) * inverse
+        row_y = (m[1, 1] * yn + m[1, 2]) * inverse
         row_z = m[2, 1] * yn + m[2, 2]
+        row_ahead = (m[0, 1] * yn + m[0, 2]) * ahead_x + (m[1, 1] * yn + m[1, 2]) * ahead_y
+        image = depth[v]
+        for u in range(width):  # no branches: the compiler makes vector instructions of this loop
+            z = image[u]
+            x = x0 + z * (row_x + columns_x[u])
+            y = y0 + z * (row_y + columns_y[u])
+            h = z0 + z * (row_z + columns_z[u])
+            distance = z * (row_ahead + columns_ahead[u])
+            inside = (x >= zero) & (y >= zero) & (x < width_cells) & (y < height_cells) & (z > zero)
+            hit = inside & (h > min_height) & (h <= max_height) & (distance <= obstacle_range)
+            ground = inside & (h <= min_height) & (h >= lowest) & (distance <= raytrace_range)
+            special = ((z > zero) & (h < lowest)) | (z < zero)
+            kind[u] = np.int8(hit) + np.int8(2) * np.int8(ground) + np.int8(3) * np.int8(special)
+            column_4, row_4 = np.int32(x * four), np.int32(y * four)
+            cell[u] = (row_4 >> 2) * np.int32(columns) + (column_4 >> 2)
+            place[u] = (column_4 & 3) | ((row_4 & 3) << 2)
+            band[u] = np.int32((h - min_height) * per_band)
         for u in range(width):
-            z = depth[v, u]
-            if np.isnan(z):
+            k = kind[u]
+            if k == 0:
                 continue
-            dx = row_x + columns_x[u]
-            dy = row_y + columns_y[u]
-            dz = row_z + columns_z[u]
-            ahead = dx * ahead_x + dy * ahead_y
-            if z == np.inf:  # nothing within range: where the floor must be seen, it is missing
-                if dz < np.float32(-1e-3):
-                    t = -z0 / dz
-                    if floor_near <= ahead * t <= floor_far:
-                        column = int(x0 + dx * t * inverse)
-                        row = int(y0 + dy * t * inverse)
-                        if 0 <= row < rows and 0 <= column < columns:
-                            drops[row, column] += 1
+            if k == 1:
+                hits_flat[cell[u]] += 1
+                places_flat[cell[u]] |= np.uint16(1 << place[u])
+                bands_flat[cell[u]] |= np.uint16(1 << band[u])
                 continue
-            if z <= np.float32(0.0):
-                if z > -np.inf:  # 0 is how cameras say invalid
-                    continue
-                z = nearest
-            h = z0 + z * dz
-            if h > max_height:
+            if k == 2:
+                floor_flat[cell[u]] += 1
                 continue
-            distance = z * ahead
-            if distance > raytrace_range:
-                if h >= lowest or dz >= np.float32(-1e-3):
-                    continue
-            # floats below 0 are cut towards 0: shift so that the first row is not doubled
-            fx_cell = x0 + z * dx * inverse
-            fy_cell = y0 + z * dy * inverse
-            inside = fx_cell >= 0 and fy_cell >= 0 and fx_cell < columns and fy_cell < rows
-            if h > min_height:
-                if inside and distance <= obstacle_range:
-                    column_4, row_4 = int(fx_cell * four), int(fy_cell * four)
-                    column, row = column_4 >> 2, row_4 >> 2
-                    hits[row, column] += 1
-                    places[row, column] |= np.uint16(1 << ((column_4 & 3) | (row_4 & 3) << 2))
-                    bands[row, column] |= np.uint16(1 << int((h - min_height) * per_band))
-            elif h >= lowest:
-                if inside:
-                    floor[int(fy_cell), int(fx_cell)] += 1
+            z = image[u]
+            dx, dy, dz = row_x + columns_x[u], row_y + columns_y[u], row_z + columns_z[u]
+            ahead = row_ahead + columns_ahead[u]
+            if z < zero:
+                if z == -np.inf:  # something nearer than the camera can tell
+                    h = z0 + nearest * dz
+                    x, y = x0 + nearest * dx, y0 + nearest * dy
+                    if min_height < h <= max_height and 0 <= x < width_cells and 0 <= y < height_cells:
+                        hits[int(y), int(x)] += 1
+                        places[int(y), int(x)] = 0xFFFF
+                        bands[int(y), int(x)] |= np.uint16(1 << int((h - min_height) * per_band))
+                continue
+            if not dz < np.float32(-1e-3):
+                continue
+            t = -z0 / dz  # the depth at which the ray goes through the level of the floor
+            if z == np.inf:
+                drop = floor_near <= ahead * t <= floor_far  # must be seen here, and is missing
             else:
-                if inside and distance <= obstacle_range:
-                    drops[int(fy_cell), int(fx_cell)] += 1
-                t = z0 / (z0 - h)  # where the ray went through the level of the floor
-                if distance * t <= obstacle_range:
-                    fx_cell = x0 + t * z * dx * inverse
-                    fy_cell = y0 + t * z * dy * inverse
-                    if fx_cell >= 0 and fy_cell >= 0 and fx_cell < columns and fy_cell < rows:
-                        drops[int(fy_cell), int(fx_cell)] += 1
+                drop = ahead * t <= obstacle_range
+                x, y = x0 + z * dx, y0 + z * dy
+                if ahead * z <= obstacle_range and 0 <= x < width_cells and 0 <= y < height_cells:
+                    drops[int(y), int(x)] += 1
+            x, y = x0 + t * dx, y0 + t * dy
+            if drop and 0 <= x < width_cells and 0 <= y < height_cells:
+                drops[int(y), int(x)] += 1
 
 
 @numba.njit(cache=True, nogil=True)
