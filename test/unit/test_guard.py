@@ -106,7 +106,7 @@ def test_stops_before_it_meets(title, grid, command, duration, last):
     assert chair.verdict.reason.startswith("stopped: obstacle") and chair.verdict.point is not None
     # Never trapped: the way it came is open.
     stopped = chair.pose.copy()
-    chair.drive(Twist(-command[0], -command[1]), 3.0)
+    chair.drive(Twist(-command[0], -command[1]), 1.5)
     moved = np.hypot(*(chair.pose - stopped)[:2]) + CHAIR.circumscribed_radius * abs(chair.pose[2] - stopped[2])
     assert moved > 0.1
 
