@@ -110,8 +110,9 @@ def _length(found, edge, side, settings):
             opened += 1
             if opened * gap.step > settings.door.max_width:
                 return (last + 1) * gap.step
-        elif not seen[column] and opened == 0 and (column - last) * gap.step > 0.1:
-            break
+        elif not seen[column] and (column - last) * gap.step > 0.1:
+            # out of view: an end that was seen before is one
+            return (last + 1) * gap.step if opened * gap.step > 0.1 else np.inf
     return np.inf
 
 

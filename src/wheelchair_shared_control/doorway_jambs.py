@@ -116,7 +116,7 @@ def _edge(near, rough, side, width, pitch, settings):
     shallow = (near.label == SHALLOW) & (u_cross < wall - jamb.reveal_clear)
     # a frame that stands back in the wall: a face of its own, parallel to the wall's
     stands = shallow & (u_end > wall - jamb.frame_width) & (u_end < wall - jamb.reveal_band)
-    if stands.sum() >= jamb.min_reveal:
+    if (stands & (near.z > settings.volume.tall)).sum() >= jamb.min_reveal:
         offset = near.offset[stands]
         low, middle = np.percentile(offset, (10, 50))
         flat = stands & (near.offset < low + 2.0 * settings.gap.tolerance + 2.0 * near.noise)
