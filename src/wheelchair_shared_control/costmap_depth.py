@@ -110,7 +110,7 @@ def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limit
     place = np.empty(width, np.int32)
     band = np.empty(width, np.int32)
     hits_flat, bands_flat, places_flat = hits.ravel(), bands.ravel(), places.ravel()
-    floor_flat, drops_flat = floor.ravel(), drops.ravel()
+    floor_flat = floor.ravel()
     for v in range(height):
         yn = np.float32((v - cy) / fy)
         row_x = (m[0, 1] * yn + m[0, 2]) * inverse
