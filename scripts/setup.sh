@@ -42,7 +42,8 @@ else
   packages+=(catkin librostest-dev rosbash rviz
     ros-{geometry-msgs,map-msgs,message-generation,message-runtime,move-base-msgs,nav-msgs}
     ros-{robot-state-publisher,sensor-msgs,std-msgs}
-    python3-{actionlib,actionlib-msgs,diagnostic-msgs,geometry-msgs,map-msgs,move-base-msgs,nav-msgs,sensor-msgs,std-srvs}
+    python3-{actionlib,actionlib-msgs,diagnostic-msgs,geometry-msgs,map-msgs,move-base-msgs,nav-msgs}
+    python3-{sensor-msgs,std-srvs}
     python3-{rosbag,roscpp-msg,rosgraph,rosgraph-msgs,roslaunch,roslib,rosmaster,rosmsg,rosnode,rosparam}
     python3-{rospy,rosservice,rostest,rostopic,tf2-ros,visualization-msgs})
 fi

@@ -126,6 +126,11 @@ def test_planner_none_leaves_the_slot_free():
     assert "move_base" in load("shared_control.launch")[0]
 
 
+def test_the_planner_alone_hears_no_user():
+    assert dict(load("shared_control.launch", "policy:=planner")[0]["move_base"].remap_args)["user/cmd_vel"] \
+        != dict(load("shared_control.launch")[0]["move_base"].remap_args)["user/cmd_vel"]
+
+
 def test_a_chair_has_no_simulator_and_its_topics_are_arguments():
     nodes, _ = load("shared_control.launch", "odom:=/base/odom", "cmd_vel:=/base/cmd_vel", "ranges:=sonar")
     assert not {"simulator", "simulated_user"} & set(nodes)
