@@ -269,6 +269,23 @@ def load_policy(name):
     return policy
 
 
+def decided(policy, tick, memory):
+    """The ``PolicyResult`` of a policy, which may be a plain (command, beta, reason) of somebody's own file.
+
+    Raises PolicyError where it raises anything, or gives no command that a chair could be sent.
+    """
+    try:
+        result = policy(tick, memory)
+        result = result if isinstance(result, PolicyResult) else PolicyResult(*result)
+        v, w = result.command
+        result = result._replace(command=Twist(float(v), float(w)))
+    except Exception as error:  # a stranger's function: the chair must outlive it
+        raise PolicyError("policy raised %s: %s" % (type(error).__name__, " ".join(str(error).split())))
+    if not (math.isfinite(result.command.v) and math.isfinite(result.command.w)):
+        raise PolicyError("policy gave a command that is not finite")
+    return result
+
+
 def needs_prediction(name):
     """Whether a policy refuses to work without the task model."""
     return name in NEEDS_PREDICTION

@@ -178,8 +178,10 @@ class SharedControl:
         self._follow_assistance(inputs, ages, prediction, sensors)
         alone = self.policy_name == "planner" and self._assisting(inputs)
         user = STOP if user_problem else within_limits(inputs.user, limits)
-        if self._centre and not user_problem and blending.at_rest(user, self.settings):
-            self._centre = ""
+        if blending.at_rest(user, self.settings):
+            user = STOP
+            if self._centre and not user_problem:
+                self._centre = ""
 
         result, blended, stopped, drives = None, None, True, False
         if sensors.problem:
@@ -230,16 +232,15 @@ class SharedControl:
             return blending.PolicyResult(user, None), waits
         planner = STOP if inputs.planner is None else within_limits(inputs.planner, limits)
         self._by_policy = True
-        result = self._policy(
-            blending.Tick(
-                inputs.now, user, planner, np.asarray(inputs.odometry.pose, dtype=float), inputs.odometry.twist,
-                self._features(inputs), sensors.clearance, prediction, self.density_floor, inputs.grid,
-                sensors.scene.still, inputs.goal, inputs.doorway, inputs.doorways, self.settings,
-            ),
-            self._memory,
+        tick = blending.Tick(
+            inputs.now, user, planner, np.asarray(inputs.odometry.pose, dtype=float), inputs.odometry.twist,
+            self._features(inputs), sensors.clearance, prediction, self.density_floor, inputs.grid,
+            sensors.scene.still, inputs.goal, inputs.doorway, inputs.doorways, self.settings,
         )
-        if not np.isfinite(result.command).all():
-            self._end_assistance("policy %s gave a command that is not finite" % self.policy_name)
+        try:
+            result = blending.decided(self._policy, tick, self._memory)
+        except blending.PolicyError as error:
+            self._end_assistance(str(error))
             return blending.PolicyResult(STOP, None), self._fault
         return result, result.reason
 

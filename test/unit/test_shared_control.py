@@ -272,17 +272,31 @@ def test_a_prediction_that_is_not_finite_ends_the_assistance(field):
     assert "not finite" in run.go(0.1, prediction=MODEL._replace(**{field: math.nan}))[-1].fault
 
 
-def test_a_policy_that_gives_nan_stops_the_chair(tmp_path):
+@pytest.mark.parametrize(
+    "body, words",
+    [
+        ("return Twist(float('nan'), 0.0), None, ''", "not finite"),
+        ("return 1 / 0", "policy raised ZeroDivisionError"),
+        ("return None", "policy raised TypeError"),
+    ],
+)
+def test_a_policy_of_ones_own_that_fails_stops_the_chair(tmp_path, body, words):
     path = tmp_path / "bad.py"
     path.write_text(
-        "from wheelchair_shared_control.blending import PolicyResult\n"
-        "from wheelchair_shared_control.values import Twist\n"
-        "def nan(tick, memory):\n    return PolicyResult(Twist(float('nan'), 0.0), None)\n"
+        "from wheelchair_shared_control.values import Twist\n\ndef bad(tick, memory):\n    %s\n" % body
     )
-    run = Run("%s:nan" % path)
+    run = Run("%s:bad" % path)
     run.go(0.5)
     states = run.go(1.5, assistance=ASSISTING)
-    assert "not finite" in states[-1].fault and not moves(states[-1])
+    assert words in states[-1].fault and not moves(states[-1])
+
+
+def test_a_policy_of_ones_own_may_return_a_plain_tuple(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text("def half(tick, memory):\n    return (tick.user.v / 2, 0.1), 0.5, 'half as fast'\n")
+    run = Run("%s:half" % path)
+    state = run.go(2.0, assistance=ASSISTING)[-1]
+    assert state.sent == pytest.approx((0.2, 0.1)) and state.beta == 0.5 and state.reason == "half as fast"
 
 
 class TestHandOver:
@@ -309,6 +323,9 @@ class TestHandOver:
         run = driving(assistance=ASSISTING)
         states = run.go(2.0, user=Twist(0.01, -0.01))
         assert states[-1].sent == STOP and states[-1].beta is None
+
+    def test_a_stick_that_trembles_inside_its_dead_zone_moves_nothing(self):
+        assert Run("user").go(1.0, user=Twist(0.019, 0.019))[-1].sent == STOP
 
     def test_the_planner_alone_needs_nobody(self):
         run = driving("planner", ASSISTING)
