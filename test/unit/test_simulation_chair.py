@@ -7,7 +7,7 @@ import pytest
 from wheelchair_shared_control import camera as cameras
 from wheelchair_shared_control import footprint as footprints
 from wheelchair_shared_control import parameters, se2
-from wheelchair_shared_control.simulation import outlines, person, rangers, scenes
+from wheelchair_shared_control.simulation import outlines, person, rangers, scenes, surfaces
 from wheelchair_shared_control.simulation.pace import Due, Pace
 from wheelchair_shared_control.simulation.simulator import Simulator
 from wheelchair_shared_control.simulation.wheelchair import URDF, read_body
@@ -136,6 +136,16 @@ def test_the_person_is_seen_and_touched():
     both = np.isfinite(image) & np.isfinite(empty)
     changed = empty[both] - image[both] > 0.1
     assert changed.sum() > 50
+
+
+def test_the_worlds_faces_look_outward_and_are_shaded_by_heading():
+    rows = np.array([[1.0, 2.0, 1.0, 0.5, 0.3, 0.2, 1.0]])
+    triangles = surfaces.of_boxes(rows)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    assert np.all(np.einsum("ij,ij->i", normals, triangles.mean(axis=1) - rows[0, :3]) > 0.0)
+    assert len(triangles) == 10  # four sides and the top
+    shades = surfaces.shades(triangles, (1.0, 0.5, 0.2))
+    assert np.all((shades >= 0.0) & (shades <= (1.0, 0.5, 0.2))) and len(np.unique(shades[:, 0].round(3))) == 3
 
 
 # ---- pace ----------------------------------------------------------------------------------------------
