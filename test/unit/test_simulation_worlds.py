@@ -380,6 +380,24 @@ def test_bad_doors_files_are_refused(tmp_path, change, expected):
         doors.read(str(path))
 
 
+def test_a_start_inside_a_wall_is_refused():
+    with pytest.raises(SceneError, match="'start_pose' is .*the chair would stand in something"):
+        scenes.setup({"start_pose": [-0.5, 2.0, 0.0]}, 1)
+    assert scenes.setup({"start_pose": [-2.0, 0.5, 0.1]}, 1).start == pytest.approx((-2.0, 0.5, 0.1))
+
+
+def test_a_map_without_doors_is_started_somewhere_free(tmp_path):
+    pixels = np.full((100, 100), 205)
+    pixels[40:90, 40:90] = 254  # 2.5 x 2.5 m of free floor, all else is unknown
+    setup = scenes.setup({"map": write_map(tmp_path, pixels)}, 2)
+    assert setup.door is None
+    # row 89 from the top ends at 10 * 0.05 = 0.5 m above the origin
+    corners = footprints.corners(CHAIR, setup.start)
+    assert np.all(corners >= (1.1, -1.4)) and np.all(corners <= (3.4, 0.9))  # free by 0.10 m
+    nothing = scenes.setup({"map": write_map(tmp_path, np.full((50, 50), 205), "unknown")}, 2)
+    assert nothing.start is None
+
+
 def test_out_of_range_measures_are_refused():
     with pytest.raises(parameters.ParameterError, match="'door_width' is 9.0, but must be at most 2 m"):
         scenes.setup({"door_width": 9.0}, 1)

@@ -55,17 +55,19 @@ def setup(description=None, seed=None, wheelchair=None):
     spans = [_span(key, getattr(s, key)) for key in ("start_distance", "start_heading", "start_offset")]
     if s.map:
         world = load(s.map, wall_height=s.wall_height)
-        world = world._replace(doors=_doors_of(world, s))
     else:
         world = load(s.scene, door_width=s.door_width, door_height=s.door_height,
                      wall_thickness=s.wall_thickness, wall_height=s.wall_height)
+    world = world._replace(doors=_doors_of(world, s))
     door = _chosen(world, s.door)
     shapes = outlines.from_world(world)
     if s.start_pose:
         start = _pose("start_pose", s.start_pose)
+        if outlines.clearance(shapes, footprints.corners(footprint, start)) <= 0.0:
+            raise SceneError("'start_pose' is %r: the chair would stand in something there" % (s.start_pose,))
     elif door is None:
         start = starts.somewhere(world, stream(s.seed, START_STREAM), footprint, shapes)
-    elif s.map:
+    elif s.doors:
         start = starts.draw_real_start(world, door, stream(s.seed, START_STREAM), footprint, shapes)
     else:
         start = starts.draw_start(world, door, stream(s.seed, START_STREAM), *spans, footprint=footprint,

@@ -29,7 +29,8 @@ def load(path):
         raise SceneError("%s: is no SDF: %s" % (path, error))
     if root.tag != "sdf":
         raise SceneError("%s: is no SDF: its root is '%s'" % (path, root.tag))
-    rows, row_names, meshes, mesh_names, left_out = [], [], [], [], []
+    rows, row_names, meshes, mesh_names = [], [], [], []
+    left_out = ["include of %s" % (entry.findtext("uri") or "").strip() for entry in root.iter("include")]
     for name, transform, shape in _collisions(root, path):
         kind = shape.tag
         if kind == "box":
@@ -122,6 +123,8 @@ def _pose(element, path):
             raise SceneError("%s: pose of '%s' is given in frame '%s', but only nested frames are read"
                              % (path, element.get("name", element.tag), pose.get(key)))
     numbers = _numbers(pose.text, 6, path, "pose of '%s'" % element.get("name", element.tag))
+    if pose.get("degrees") in ("true", "1"):  # SDF 1.9
+        numbers[3:] = np.radians(numbers[3:])
     x, y, z, roll, pitch, yaw = numbers
     cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
     transform = np.eye(4)

@@ -20,7 +20,7 @@ CHAIR_MASK, ROLLING_MASK, NOBODY = 8, 4, 0
 ALL_AT_ONCE = 150  # boxes: worlds up to this size are held as a whole
 REFRESH = 1.0      # m: of larger ones the neighbourhood, chosen anew after this way
 CLEARANCE_CAP = 5.0  # m
-TOUCHABLE = 1.5    # m from base_link: what physics must hold
+TOUCHABLE = 0.5    # m from the outline: what physics must hold
 
 
 class Touch(NamedTuple):
@@ -213,8 +213,9 @@ class Simulator:
             place = self.chair.pose[:2].copy()
             away = np.hypot(boxes[:, 0] - place[0], boxes[:, 1] - place[1]) - np.hypot(boxes[:, 4], boxes[:, 5])
             self._near_boxes = boxes[away < self._visible + REFRESH]
-            self._shapes = outlines.near(self._all_shapes, place, CLEARANCE_CAP + 2.0 + REFRESH)
-            touchable &= away < TOUCHABLE + REFRESH
+            reach = self.chair.footprint.circumscribed_radius + REFRESH
+            self._shapes = outlines.near(self._all_shapes, place, CLEARANCE_CAP + reach)
+            touchable &= away < TOUCHABLE + reach
             self._populated_at = place
         for index in [index for index in self._bodies if not touchable[index]]:
             body = self._bodies.pop(index)
