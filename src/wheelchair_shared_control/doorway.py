@@ -156,10 +156,11 @@ def _examine(rays, line, gap, settings, stamp):
         left, right = np.sort((ends - line.origin) @ line.along)
         near = doorway_rays.near(rays, line, settings, left - beside, right + beside)
         jambs = doorway_jambs.refined_edges(near, left, right, settings)
-        left, right = jambs.left, jambs.right
-        if not right - left > 0.3:
+        left, right = jambs.wall_left, jambs.wall_right
+        if not jambs.right - jambs.left > 0.3:
             return None, FoundGap(at(gap.left, gap.right), "closed")
     verdict = doorway_volume.judge(near, jambs, settings)
+    left, right = jambs.left, jambs.right
     if verdict.reason:
         return None, FoundGap(at(left, right), verdict.reason)
     ends = at(left, right) + jambs.plane * line.normal

@@ -3,7 +3,7 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from wheelchair_shared_control.doorway_rays import BEFORE, FRONT, SHALLOW, WALL, line_from_normal
+from wheelchair_shared_control.doorway_rays import BEFORE, DEEP, FRONT, SHALLOW, WALL, line_from_normal
 
 
 class Jambs(NamedTuple):
@@ -100,46 +100,69 @@ def _edge(near, rough, side, width, pitch, settings):
 
     u is the way outward from the rough edge: the gap lies at u < 0, the wall at u > 0.
     """
-    jamb = settings.jamb
+    jamb, gap = settings.jamb, settings.gap
     window = min(jamb.window, 0.45 * width)
+    near = near.where((np.abs(near.s_cross - rough) < window) | (np.abs(near.s - rough) < window))
+    near = near.where(near.z > gap.low)
     u_cross, u_end = side * (near.s_cross - rough), side * (near.s - rough)
     close = np.abs(u_cross) < window
-    on_wall = close & (near.label == WALL)
-    if on_wall.sum() >= jamb.min_reveal:
-        wall = _threshold(u_cross[close & (near.label != WALL) & (near.label != BEFORE)], u_cross[on_wall], pitch,
-                          jamb.max_shadow)
+    deep = close & (near.label == DEEP)
+    # a frame that stands back in the wall: a face of its own, parallel to the wall's, as tall as a door
+    stands = (near.label == SHALLOW) & (u_cross < 0.0) & (u_end > -jamb.frame_width) & (
+        u_end < -jamb.reveal_band - 0.5 * near.noise)
+    framed = (stands & (near.z > settings.volume.tall)).sum() >= jamb.min_reveal
+    if (close & (near.label == WALL)).sum() >= jamb.min_reveal:
+        shallow = close & (near.label == SHALLOW)
+        solid, passed = close & (near.label == WALL), deep
+        if framed:
+            passed = passed | shallow
+        else:
+            solid = solid | shallow
+        wall = _corner(u_cross[solid], u_end[solid], u_cross[passed], pitch, jamb)
     else:
         # the wall hides behind a leaf or a shelf: its end is the edge
         leaf = (near.label == BEFORE) & (np.abs(u_end) < window)
         wall = float(np.percentile(u_end[leaf], 2)) if leaf.sum() >= jamb.min_reveal else 0.0
     edge, face = wall, 0.0
-    shallow = (near.label == SHALLOW) & (u_cross < wall - jamb.reveal_clear)
-    # a frame that stands back in the wall: a face of its own, parallel to the wall's
-    stands = shallow & (u_end > wall - jamb.frame_width) & (u_end < wall - jamb.reveal_band)
-    if (stands & (near.z > settings.volume.tall)).sum() >= jamb.min_reveal:
-        offset = near.offset[stands]
-        low, middle = np.percentile(offset, (10, 50))
-        flat = stands & (near.offset < low + 2.0 * settings.gap.tolerance + 2.0 * near.noise)
+    if framed:
+        limit = np.percentile(near.offset[stands], 10) + 2.0 * gap.tolerance + 2.0 * near.noise
+        flat = stands & (near.offset < limit)
         if flat.sum() >= jamb.min_reveal:
             face = float(np.median(near.offset[flat]))
             # where each ray meets the plane of that face
             with np.errstate(divide="ignore", invalid="ignore"):
                 u_face = u_cross + (u_end - u_cross) * (face / near.offset)
-            passes = near.offset > face + settings.gap.tolerance + 2.0 * near.noise
             zone = (u_face > wall - jamb.frame_width - 0.1) & (u_face < wall) & (near.offset > 0.5 * face)
-            edge = _threshold(u_face[zone & passes], u_face[zone & ~passes], pitch, jamb.max_shadow)
-    back = None
-    for _ in range(3):
-        # the inner face: rays that enter the gap and end at one and the same u
-        inner = (np.abs(u_end - edge) < jamb.reveal_band + 2.0 * near.noise) & (u_cross < wall - jamb.reveal_clear) & (
-            near.offset > face - 0.02) & (near.offset < settings.gap.reveal_depth) & (near.z > settings.gap.low)
-        if face > 0.0:
-            inner &= near.offset > face + settings.gap.tolerance
-        if inner.sum() < jamb.min_reveal or np.percentile(near.offset[inner], 90) < face + settings.gap.tolerance:
-            break
-        edge = float(np.median(u_end[inner]))
-        back = float(np.percentile(near.offset[inner], 97))
+            solid = zone & (near.label != DEEP)
+            edge = _corner(u_face[solid], u_end[solid], u_face[zone & ~solid], pitch, jamb)
+    inner = (np.abs(u_end - edge) < jamb.reveal_band + 2.0 * near.noise) & (u_cross < wall - jamb.reveal_clear) & (
+        near.offset > face + gap.tolerance) & (near.offset < gap.reveal_depth) & (near.label != BEFORE)
+    back = float(np.percentile(near.offset[inner], 97)) if inner.sum() >= jamb.min_reveal else None
     return _Edge(rough + side * wall, rough + side * edge, face, back)
+
+
+def _corner(u_plane, u_end, u_through, pitch, jamb):
+    """Where a face ends, from the rays that end on it or on the inner face of its edge.
+
+    A ray that meets the face's plane at ``u_plane`` ends there if that is outward of the edge e, and at u = e on
+    the inner face if it is not: u_end = max(u_plane, e), whatever the noise along the ray. Without an inner face in
+    view e is the threshold to the rays that pass, ``u_through``.
+    """
+    threshold = _threshold(u_through, u_plane, pitch, jamb.max_shadow)
+    n = len(u_plane)
+    step = max(1, n // 3000)
+    u_plane, u_end = u_plane[::step].astype(float), u_end[::step].astype(float)
+    edges = threshold + np.arange(0.0, jamb.max_reveal, 0.004)
+    # a reading far off the model has a bounded say
+    bound = jamb.reveal_band
+    cost = np.array([
+        np.minimum(np.abs(u_end - np.maximum(u_plane, edge)), bound).sum() for edge in edges])
+    best = int(np.argmin(cost))
+    inside = (u_plane < edges[best]) & (u_plane >= threshold)
+    if best == 0 or inside.sum() * step < jamb.min_reveal or cost[0] - cost[best] < 0.004 * inside.sum():
+        return threshold
+    on_inner = inside & (np.abs(u_end - edges[best]) < bound)
+    return float(np.median(u_end[on_inner])) if on_inner.sum() >= 5 else float(edges[best])
 
 
 def _threshold(low, high, pitch, max_shadow):

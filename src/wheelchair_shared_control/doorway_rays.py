@@ -58,7 +58,7 @@ def _from_image(depth, fx, fy, cx, cy, rotation, shift, nearest, farthest, noise
             z = depth[v, u]
             if z != z or z <= 0.0:
                 continue
-            if z > farthest:
+            if z == np.inf:
                 tail -= 1
                 at = tail
                 z = far
@@ -84,8 +84,8 @@ def _from_image(depth, fx, fy, cx, cy, rotation, shift, nearest, farthest, noise
 def from_image(depth, camera, level_from_camera, settings, row_step=1, step=1):
     """Rays of every ``row_step``-th row and ``step``-th column of ``depth`` (height, width) [m].
 
-    REP 117/118: NaN, 0 and -Inf say nothing and are dropped; +Inf, and what lies beyond
-    ``camera/max_range``, is a ray that met nothing.
+    REP 117/118: NaN, 0 and -Inf say nothing and are dropped; +Inf is a ray that met nothing within
+    ``sensor/max_range``.
     """
     transform = np.asarray(level_from_camera, dtype=float)
     points, noise, head, gone = _from_image(
@@ -153,6 +153,8 @@ def _crossings(points, noise, returned, origin, line_origin, along, normal, lean
         if way < least:
             continue
         f = reach / way
+        if i >= returned and f > 0.48:
+            continue  # the plane lies out of range there: nothing is known
         row = (eye + (z - eye) * f - z_low) * per_z
         column = (cs + (dx * ax + dy * ay - cs) * f - s_low) * per_s
         if not (0.0 <= row < z_bins and 0.0 <= column < s_bins):
@@ -214,6 +216,8 @@ def _near(points, noise, returned, origin, line_origin, along, normal, lean, hei
             continue
         s = dx * ax + dy * ay
         f = reach / way
+        if i >= returned and f > 0.48:
+            continue
         sc = cs + (s - cs) * f
         zc = eye + (z - eye) * f
         crosses = s_min <= sc <= s_max and z_min <= zc <= z_max

@@ -57,10 +57,13 @@ def judge(near, jambs, settings):
 def _jamb(near, side, edge, settings):
     """Is there a wall of a door's height right beside ``edge``? Returns (reason, share of wall rays)."""
     jamb = settings.jamb
-    outward = side * (near.s_cross - edge)
+    solid = (near.label == WALL) | (near.label == BEFORE)
+    # where it ends, if it ends there: a wall that meets this one at an angle stands before the plane, not beside
+    # the gap
+    outward = side * (np.where(solid, near.s, near.s_cross) - edge)
     beside = (outward > jamb.clear) & (outward < jamb.clear + jamb.support_width) & (near.label != FRONT) & (
         near.z_cross > settings.gap.low)
-    on_wall = beside & ((near.label == WALL) | (near.label == BEFORE))
+    on_wall = beside & solid
     if on_wall.sum() < jamb.min_points:
         return "one jamb only: none seen", 0.0
     z = near.z_cross[on_wall]
