@@ -17,8 +17,10 @@ SLIM_FLOOR = -0.03
 GOAL_XY, GOAL_YAW = 0.05, 0.1  # m, rad: how near to the goal a search ends
 # comfortable [m], near [m], then weights: spine, outline, near, pose xy, pose yaw, end xy, end yaw,
 # change of ds, change of dtheta, bending.
-REFINEMENT = np.array([0.30, 0.07, 40.0, 30.0, 200.0, 0.3, 0.05, 40.0, 20.0, 300.0, 1.0, 0.15])
+REFINEMENT = np.array([0.30, 0.07, 1000.0, 300.0, 300.0, 2.0, 0.3, 100.0, 60.0, 1000.0, 20.0, 8.0])
 STEP, STEP_TURN = 0.08, 0.12  # m, rad: length of a step of a path
+COMFORTABLE = 0.08  # m: a path with so much room is taken as it is
+ROUND = 0.6  # rad: turns on the spot between two drives up to this are driven as a bend
 
 
 class Path(NamedTuple):
@@ -65,7 +67,7 @@ class Planner:
         """Refined Path from ``start``; steps keep their kinds."""
         steps, poses, _ = refinement.refine(
             field.distance, field.frame, *self.body, REFINEMENT, np.asarray(start, dtype=float),
-            np.ascontiguousarray(steps), np.ascontiguousarray(targets), iterations)
+            np.ascontiguousarray(steps), np.ascontiguousarray(kinds), np.ascontiguousarray(targets), iterations)
         return Path(steps, poses, kinds, self.clearance(field, poses))
 
     def blocked(self, path, limit=None):
@@ -84,7 +86,6 @@ class Planner:
         allow_reverse = allow_reverse and self.settings.min_vel_x < 0.0
         self._task = (field, np.array(start, dtype=float), self._inside(field, np.asarray(goal, dtype=float)),
                       allow_reverse, moving, max(GOAL_XY, tolerance))
-        self._tight = None
         self._begin_search(self._slim, SLIM_FLOOR)
 
     def _begin_search(self, which, floor):
@@ -101,15 +102,11 @@ class Planner:
         slim = self._search is self._slim
         if found.steps is not None:
             path = self._centred(field, start, goal, found.steps)
-            if self.blocked(path, self.settings.clearance) < 0:
+            if self.blocked(path) < 0:
                 return path, ""
-            if self.blocked(path) < 0 and self._tight is None:
-                self._tight = path
         if slim and not (found.steps is None and found.exhausted):
-            self._begin_search(self._true, self.settings.clearance)
+            self._begin_search(self._true, self.settings.min_clearance)
             return None
-        if self._tight is not None:
-            return self._tight, ""
         if found.steps is None and not found.exhausted:
             return None, "no path within %d states" % found.expansions
         return None, "no way through for a chair of %.2f m" % self.footprint.width
@@ -123,15 +120,23 @@ class Planner:
                 return done
 
     def _centred(self, field, start, goal, steps):
-        steps, kinds = resampled(steps, kinds_of(steps))
-        poses = rolled(start, steps)
-        targets = poses.copy()
-        targets[-1] = goal
-        raw = Path(steps, poses, kinds, self.clearance(field, poses))
-        path = self.refine(field, start, steps, kinds, targets, 25)
-        if self.blocked(path) >= 0 and self.blocked(raw) < 0:
-            return raw
-        return path
+        """The searched path refined: with its small turns rounded, or as it was, or not at all if that is clearest."""
+        best = None
+        kinds = kinds_of(steps)
+        for shape in (rounded(steps, kinds), (steps, kinds)):
+            steps_, kinds_ = resampled(*shape)
+            targets = rolled(start, steps_)
+            targets[-1] = goal
+            path = self.refine(field, start, steps_, kinds_, targets, 25)
+            if self.blocked(path, COMFORTABLE) < 0:
+                return path
+            if best is None or path.clear.min() > best.clear.min() + 0.01:
+                best = path
+        if self.blocked(best) >= 0:
+            poses = rolled(start, steps_)
+            raw = Path(steps_, poses, kinds_, self.clearance(field, poses))
+            best = raw if self.blocked(raw) < 0 else best
+        return best
 
     def _inside(self, field, goal):
         """The goal, or the point of the way to it that lies well inside the window."""
@@ -154,6 +159,29 @@ def rolled(start, steps):
     poses = np.empty((len(steps) + 1, 3))
     refinement._roll(np.asarray(start, dtype=float), np.ascontiguousarray(steps, dtype=float), poses)
     return poses
+
+
+def rounded(steps, kinds):
+    """Steps and kinds with small turns on the spot between two drives laid into the steps beside them.
+
+    The chair then need not stop for them; refinement finds the bend.
+    """
+    steps, keep = steps.copy(), np.ones(len(kinds), bool)
+    first = 0
+    while first < len(kinds):
+        last = first
+        while last < len(kinds) and kinds[last] == kinds[first]:
+            last += 1
+        before, after = kinds[first - 1] if first else 0, kinds[last] if last < len(kinds) else 0
+        turn = float(np.sum(steps[first:last, 1]))
+        if kinds[first] == 0 and (abs(turn) < 0.03 or (before == after != 0 and abs(turn) < ROUND)):
+            near = [k for k in range(first - 4, last + 4)
+                    if 0 <= k < len(kinds) and kinds[k] != 0 and kinds[k] in (before, after)]
+            if near:
+                keep[first:last] = False
+                steps[near, 1] += turn / len(near)
+        first = last
+    return steps[keep], kinds[keep]
 
 
 def resampled(steps, kinds):

@@ -2,13 +2,16 @@
 
 The path is a chain of unicycle steps (ds, dtheta), so every iterate can be driven: turns on the spot and reversals
 stay what they are. Cost: closeness of the footprint's outline and spine to lethal cells, departure from the searched
-path, bending, and the end's distance from the goal. The spine's terms point to the middle of a gap even where the
-searched path overlaps a jamb.
+path, bending, and the end's distance from the goal. In a gap the outline's two sides pull to the middle with equal
+strength; the spine, which only counts where the footprint overlaps something, points there from outside of it.
 """
 import numpy as np
 from numba import njit
 
 from wheelchair_shared_control.planning.clearance import FAST, field_gradient
+
+
+STEER = 0.35  # m: within about three of it a deviation from the path is steered out
 
 
 @njit(**FAST)
@@ -21,6 +24,32 @@ def _roll(start, steps, poses):
         heading = poses[k, 2] + half
         poses[k + 1, 0] = poses[k, 0] + chord * np.cos(heading)
         poses[k + 1, 1] = poses[k, 1] + chord * np.sin(heading)
+        poses[k + 1, 2] = poses[k, 2] + dth
+
+
+@njit(**FAST)
+def _track(start, prior, kinds, targets, steps, poses):
+    """Fill ``steps`` and ``poses``: the way from ``start`` that steers back to ``targets`` along ``prior``.
+
+    A start beside the path would carry the whole way beside it, into the jambs; from this one it is refined.
+    """
+    poses[0] = start
+    for k in range(prior.shape[0]):
+        ds, dth = prior[k, 0], prior[k, 1]
+        off = (poses[k, 2] - targets[k, 2] + np.pi) % (2.0 * np.pi) - np.pi
+        if kinds[k] == 0:
+            dth -= min(max(off, -0.3), 0.3)
+        else:
+            dx, dy = poses[k, 0] - targets[k, 0], poses[k, 1] - targets[k, 1]
+            beside = -np.sin(targets[k, 2]) * dx + np.cos(targets[k, 2]) * dy
+            # Both errors die out, critically damped, within a few STEER.
+            bend = -kinds[k] * beside / (STEER * STEER) - 2.0 * off / STEER
+            dth += min(max(bend, -2.5), 2.5) * abs(ds)
+        steps[k, 0], steps[k, 1] = ds, dth
+        half = 0.5 * dth
+        chord = ds * (1.0 - half * half / 6.0)
+        poses[k + 1, 0] = poses[k, 0] + chord * np.cos(poses[k, 2] + half)
+        poses[k + 1, 1] = poses[k, 1] + chord * np.sin(poses[k, 2] + half)
         poses[k + 1, 2] = poses[k, 2] + dth
 
 
@@ -39,7 +68,7 @@ def _stage(distance, frame, outline, spine, half_width, reach, middle, weights, 
         for k in range(n + m):
             if k < n:
                 px, py = spine[k], 0.0
-                scale, limit = w_spine / n, half_width + comfortable
+                scale, limit = w_spine / n, half_width
             else:
                 px, py = outline[k - n, 0], outline[k - n, 1]
                 scale, limit = w_outline / m, comfortable
@@ -90,8 +119,8 @@ def _control_cost(steps, prior, weights):
 
 
 @njit(**FAST)
-def refine(distance, frame, outline, spine, half_width, reach, middle, weights, start, steps, targets, iterations):
-    """Refined steps (n, 2), poses (n + 1, 3) and cost, from pose ``start`` along ``steps`` (n, 2).
+def refine(distance, frame, outline, spine, half_width, reach, middle, weights, start, steps, kinds, targets, iterations):
+    """Refined steps (n, 2), poses (n + 1, 3) and cost, from pose ``start`` along ``steps`` (n, 2), ``kinds`` (n,).
 
     ``targets`` (n + 1, 3): the poses that the path is held to, the last one the goal.
     """
@@ -107,7 +136,7 @@ def refine(distance, frame, outline, spine, half_width, reach, middle, weights, 
     h = np.empty((n + 1, 3, 3))
     gt, ht = np.empty(3), np.empty((3, 3))
     w_ds, w_dth, w_bend = weights[9], weights[10], weights[11]
-    _roll(start, steps, poses)
+    _track(start, prior, kinds, targets, steps, poses)
     cost = _control_cost(steps, prior, weights)
     for k in range(n + 1):
         cost += _stage(distance, frame, outline, spine, half_width, reach, middle, weights,
