@@ -387,7 +387,7 @@ def _usable(prediction):
 
 
 def _too_old(what, age, limit):
-    if math.isinf(age):
+    if age > 1e6:  # never, or a stamp of 0
         return "no %s yet" % what
     return "%s is %.1f s old, limit %g s" % (what, age, limit)
 
