@@ -1,6 +1,4 @@
 """Compile, or load from the cache, every kernel of costmap and navigation before the first message is taken."""
-import math
-
 import numpy as np
 
 from wheelchair_shared_control import camera as cameras
@@ -30,10 +28,25 @@ def warm_up(settings):
             costmap.insert_scan(2.0 / np.cos(angles), angles, 5.0, pose, 0.3, now, source=name)
         else:
             costmap.insert_ranges(Ranges(now, np.full(len(RANGERS), 0.6)), pose, source=name)
-    navigator.set_goal((1.0, 0.3, 0.5), now)
-    for _ in range(6):
-        snapshot = costmap.update(pose, now)._replace(stamp=now)
-        navigator.update(now, Odometry(now, pose, Twist(0.1, 0.0)), snapshot, candidates=True)
-        now += 0.05
-    navigator.set_goal((math.sqrt(8.0), 0.1, 0.0), now)
-    navigator.update(now, Odometry(now, pose, Twist(0.0, 0.0)), snapshot, user_v=0.2)
+    for _ in range(2):
+        snapshot = costmap.update(pose, now)
+    drive(navigator, free_ground(snapshot), now)
+
+
+def free_ground(snapshot):
+    """The snapshot with every obstacle gone and every cell known: a path is sure to be found on it."""
+    return snapshot._replace(
+        cost=np.zeros_like(snapshot.cost), distance=np.full_like(snapshot.distance, snapshot.distance.max()),
+        known=np.ones_like(snapshot.known),
+    )
+
+
+def drive(navigator, snapshot, now):
+    """Search, refine and follow: ahead past a bend, with and without a person who pushes, and backwards."""
+    for goal, user_v in (((1.5, 0.6, 0.5), None), ((1.5, 0.3, 0.0), 0.2), ((-0.8, 0.1, 0.0), None)):
+        navigator.set_goal(goal, now)
+        for k in range(30):
+            pose = np.array([0.01 * k, 0.0, 0.02])
+            odometry = Odometry(now, pose, Twist(0.2, 0.1))
+            navigator.update(now, odometry, snapshot._replace(stamp=now), user_v=user_v, candidates=k == 0)
+            now += 0.05
