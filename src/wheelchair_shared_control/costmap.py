@@ -21,9 +21,9 @@ from wheelchair_shared_control.costmap_cells import (
     forget_brief,
 )
 from wheelchair_shared_control.costmap_depth import (
-    BAND_HEIGHT,
-    BANDS,
+    band_of,
     camera_pitch_error,
+    cloud_pitch_error,
     count_holes,
     count_returns,
 )
@@ -100,6 +100,7 @@ class Costmap:
         self._nearest = np.zeros(self._shape + (2,), np.int16)
         self._lethal, self._boxes = np.zeros(self._shape, bool), np.zeros(self._shape + (4,), np.int8)
         self._touched = np.zeros(self._shape, np.uint8)
+        self._bins = np.zeros(61, np.int64)
         self._sphere = np.empty(SHAPE, np.float32)
         self.reset()
 
@@ -109,7 +110,7 @@ class Costmap:
         self.origin = None
         self.pose = None
         self.newest = {}
-        self.pitch_error = 0.0
+        self.pitch_error = {}
 
     def clear(self):
         """Forget all obstacles and all known ground but that under the chair (``clear_costmaps``)."""
@@ -169,11 +170,8 @@ class Costmap:
         if not (np.isinf(sampled) | (sampled > 0.0)).mean() > 0.01:
             return False
         intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy, 0.0)
-        bins = np.zeros(61, np.int64)
-        error = camera_pitch_error(image, intrinsics, transform, self.settings.pitch_tolerance, bins)
-        # half of the way at once: a chair that brakes pitches within two frames
-        self.pitch_error += 0.5 * ((0.0 if math.isnan(error) else error) - self.pitch_error)
-        transform = transform @ _pitched(-(error if not math.isnan(error) else self.pitch_error))
+        error = camera_pitch_error(image, intrinsics, transform, self.settings.pitch_tolerance, self._bins)
+        transform = transform @ _pitched(-self._tracked(source, error))
         self._clear_counters()
         origin = np.array(self.origin)
         limits = self._limits(settings)
@@ -181,7 +179,7 @@ class Costmap:
                       self._hits, self._bands, self._new_places, self._floor, self._drops)
         count_holes(image, intrinsics, transform, origin, self.resolution,
                     self.settings.floor_near, self.settings.floor_far, self._holes)
-        self._apply(image, intrinsics, np.linalg.inv(transform), transform[:3, 3], settings, source, stamp)
+        self._apply(image, intrinsics, np.linalg.inv(transform), transform[:3, 3].copy(), settings, source, stamp)
         return True
 
     def insert_points(self, points_odom, sensor_odom, stamp, source="points"):
@@ -193,6 +191,10 @@ class Costmap:
             raise CostmapError("points of shape %s and a sensor of shape %s, but must be (n, 3) and (3,)" % (
                 points.shape, sensor.shape))
         self._window()
+        error, heading = cloud_pitch_error(points, sensor, self.settings.pitch_tolerance, self._bins)
+        if not math.isnan(error):
+            points = points.copy()
+            points[:, 2] -= math.tan(self._tracked(source, error)) * ((points[:, :2] - sensor[:2]) @ heading)
         self._clear_counters()
         used, filled = count_points(points, sensor, self._sphere, np.array(self.origin), self.resolution,
                                     self._limits(settings), self._hits, self._bands, self._new_places, self._floor,
@@ -346,10 +348,16 @@ class Costmap:
             raise CostmapError("the camera's transform must be a finite 4 x 4 matrix")
         return transform
 
+    def _tracked(self, source, error):
+        """The error of a source's pitch [rad]; where no floor is seen (NaN), the last one, fading."""
+        if math.isnan(error):
+            error = 0.5 * self.pitch_error.get(source, 0.0)
+        self.pitch_error[source] = error
+        return error
+
     def _limits(self, source):
         s = self.settings
-        highest = min(source.max_obstacle_height, source.min_obstacle_height + BANDS * float(BAND_HEIGHT) - 1e-4)
-        return (source.min_obstacle_height, highest, source.obstacle_range, source.raytrace_range,
+        return (source.min_obstacle_height, source.max_obstacle_height, source.obstacle_range, source.raytrace_range,
                 s.floor_tolerance, s.floor_near, s.floor_far, self._wheelchair.camera.min_range)
 
     def _clear_counters(self):
@@ -370,13 +378,13 @@ class Costmap:
             self._odds, self._mask, self._places, self._known, self._seen, self._last,
             self._hits, self._bands, self._new_places, self._floor, self._drops, self._holes, self._own,
             image, intrinsics, camera_from_odom, position, np.array(self.origin), self.resolution,
-            per_radian, source_settings.min_obstacle_height, source_settings.raytrace_range,
+            per_radian, source_settings.raytrace_range,
             s.hit, s.miss, s.log_odds_min, s.log_odds_max,
             source_settings.marking, source_settings.clearing, float(stamp), dt)
 
     def _trace(self, rays, height, source_settings, source, stamp):
         s = self.settings
-        band = int((height - 0.05) / float(BAND_HEIGHT))
+        band = band_of(height)
         dt = self._since(source, stamp)
         if not source_settings.marking:
             rays[:, 4] = np.nan

@@ -12,7 +12,15 @@ remembered must not stay twice, or a 0.75 m door is closed.
 import numba
 import numpy as np
 
-from wheelchair_shared_control.costmap_depth import BAND_HEIGHT, BANDS, BLOCKED, DROP, THROUGH, look
+from wheelchair_shared_control.costmap_depth import (
+    BAND_HEIGHT,
+    BANDS,
+    BLOCKED,
+    DROP,
+    LOWEST_BAND,
+    THROUGH,
+    look,
+)
 
 SEEN, PRESUMED, FOUND = 1, 2, 3
 _STANDS = 5.0  # time counts so much more for what was found on unknown ground
@@ -76,8 +84,8 @@ def remember(known, seen, last, row, column, stamp, dt):
 
 @numba.njit(cache=True, nogil=True)
 def apply_counts(odds, mask, places, known, seen, last, hits, bands, new_places, floor, drops, holes, own,
-                 depth, intrinsics, camera_from_odom, camera_position, origin, resolution, per_radian, min_height,
-                 raytrace_range, hit, miss, odds_min, odds_max, marking, clearing, stamp, dt):
+                 depth, intrinsics, camera_from_odom, camera_position, origin, resolution, per_radian, raytrace_range,
+                 hit, miss, odds_min, odds_max, marking, clearing, stamp, dt):
     """Bring the counters of one depth image into the memory; ``own`` marks the cells under the chair.
 
     ``per_radian``: returns per radian, 0 for one each pixel.
@@ -115,8 +123,8 @@ def apply_counts(odds, mask, places, known, seen, last, hits, bands, new_places,
                         n_hits = 0
                     elif gained > 0.0 and clearing and _beside_more(hits, row, column):
                         through, blocked = _look_at_heights(
-                            bands[row, column], depth, intrinsics, camera_from_odom, x, y, min_height,
-                            resolution, raytrace_range)
+                            bands[row, column], depth, intrinsics, camera_from_odom, x, y, resolution,
+                            raytrace_range)
                         if blocked == 0 and through != 0:
                             gained = 0.0
                             n_hits = 0
@@ -148,7 +156,7 @@ def apply_counts(odds, mask, places, known, seen, last, hits, bands, new_places,
                 continue
             # something is remembered here, and nothing was hit: look at its heights
             through, blocked = _look_at_heights(
-                m, depth, intrinsics, camera_from_odom, x, y, min_height, resolution, raytrace_range)
+                m, depth, intrinsics, camera_from_odom, x, y, resolution, raytrace_range)
             erased = contradicted(m, through, blocked)
             if m & DROP and n_floor > 0 and n_drops == 0:
                 erased |= DROP
@@ -166,7 +174,7 @@ def apply_counts(odds, mask, places, known, seen, last, hits, bands, new_places,
 
 
 @numba.njit(cache=True, nogil=True)
-def _look_at_heights(mask, depth, intrinsics, camera_from_odom, x, y, min_height, resolution, reach):
+def _look_at_heights(mask, depth, intrinsics, camera_from_odom, x, y, resolution, reach):
     """At which heights of ``mask`` the camera looks through the cell at (x, y), and at which it is blocked."""
     through = np.uint16(0)
     blocked = np.uint16(0)
@@ -175,7 +183,7 @@ def _look_at_heights(mask, depth, intrinsics, camera_from_odom, x, y, min_height
         bit = np.uint16(1 << band)
         if mask & bit:
             # a band may be filled in part, as by the lower end of a lamp: it is empty if both ends are
-            z = min_height + band * BAND_HEIGHT
+            z = LOWEST_BAND + band * BAND_HEIGHT
             low = look(depth, intrinsics, camera_from_odom, x, y, z + 0.2 * BAND_HEIGHT, half, reach)
             high = look(depth, intrinsics, camera_from_odom, x, y, z + 0.8 * BAND_HEIGHT, half, reach)
             if low == BLOCKED or high == BLOCKED:

@@ -7,13 +7,20 @@ camera that has come too near for a lamp, and sees the floor below it, must not 
 import numba
 import numpy as np
 
-BANDS = 15  # bands of BAND_HEIGHT from the lowest marking height on
+BANDS = 15  # bands of BAND_HEIGHT from LOWEST_BAND on; what lies lower or higher counts to the outer ones
 BAND_HEIGHT = np.float32(0.1)
+LOWEST_BAND = np.float32(0.05)  # m above the floor: a look at a lower height could not be told from the floor
 DROP = np.uint16(1 << 15)  # the bit of a drop-off
 
 UNSEEN, THROUGH, BLOCKED = 0, 1, 2
 
 _COARSE = 8  # pixels: a hole in the floor is at least a block of so many invalid pixels square
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def band_of(height):
+    """The number of the band that a height [m] above the floor belongs to."""
+    return min(max(int((height - LOWEST_BAND) / BAND_HEIGHT), 0), BANDS - 1)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -58,8 +65,14 @@ def camera_pitch_error(depth, intrinsics, odom_from_camera, tolerance, bins):
             k = int((slope + reach) * scale)
             if slope > -reach and k < n:
                 bins[k] += 1
+    return _fullest(bins, reach, scale, expected, tolerance)
+
+
+@numba.njit(cache=True, nogil=True)
+def _fullest(bins, reach, scale, expected, tolerance):
+    """Angle [rad] of the fullest bin, NaN if it is no tenth of ``expected`` or beyond ``tolerance``."""
     best, k_best = 0, 0
-    for k in range(1, n - 1):
+    for k in range(1, bins.shape[0] - 1):
         votes = bins[k - 1] + bins[k] + bins[k + 1]
         if votes > best:
             best, k_best = votes, k
@@ -70,6 +83,42 @@ def camera_pitch_error(depth, intrinsics, odom_from_camera, tolerance, bins):
         mean += bins[k] * ((k + 0.5) / scale - reach)
     mean /= best
     return np.arctan(mean) if abs(mean) <= tolerance else np.nan
+
+
+@numba.njit(cache=True, nogil=True)
+def cloud_pitch_error(points, sensor, tolerance, bins):
+    """As `camera_pitch_error` for ``points`` (n, 3) of odom; and the heading (2,) that the cloud covers.
+
+    A cloud from all round has no heading: NaN.
+    """
+    heading = np.zeros(2)
+    total = 0.0
+    step = max(points.shape[0] // 5000, 1)
+    for i in range(0, points.shape[0], step):
+        dx, dy = points[i, 0] - sensor[0], points[i, 1] - sensor[1]
+        level = np.sqrt(dx * dx + dy * dy)
+        if 0.1 < level < 20.0:
+            heading[0] += dx / level
+            heading[1] += dy / level
+            total += 1.0
+    norm = np.sqrt(heading[0] ** 2 + heading[1] ** 2)
+    if norm < 0.5 * total or total < 50.0:
+        return np.nan, heading
+    heading /= norm
+    bins[:] = 0
+    reach = tolerance * 1.5
+    scale = bins.shape[0] / (2.0 * reach)
+    expected = 0
+    for i in range(0, points.shape[0], step):
+        ahead = (points[i, 0] - sensor[0]) * heading[0] + (points[i, 1] - sensor[1]) * heading[1]
+        if not 0.5 < ahead < 4.0 or not sensor[2] - points[i, 2] > 0.25 * ahead:
+            continue
+        expected += 1
+        slope = points[i, 2] / ahead
+        k = int((slope + reach) * scale)
+        if slope > -reach and k < bins.shape[0]:
+            bins[k] += 1
+    return _fullest(bins, reach, scale, expected, tolerance), heading
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -132,7 +181,7 @@ def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limit
             column_4, row_4 = np.int32(x * four), np.int32(y * four)
             cell[u] = (row_4 >> 2) * np.int32(columns) + (column_4 >> 2)
             place[u] = (column_4 & 3) | ((row_4 & 3) << 2)
-            band[u] = np.int32((h - min_height) * per_band)
+            band[u] = min(max(np.int32((h - LOWEST_BAND) * per_band), np.int32(0)), np.int32(BANDS - 1))
         for u in range(width):
             k = kind[u]
             if k == 0:
@@ -155,7 +204,7 @@ def count_returns(depth, intrinsics, odom_from_camera, origin, resolution, limit
                     if min_height < h <= max_height and 0 <= x < width_cells and 0 <= y < height_cells:
                         hits[int(y), int(x)] += 1
                         places[int(y), int(x)] = 0xFFFF
-                        bands[int(y), int(x)] |= np.uint16(1 << int((h - min_height) * per_band))
+                        bands[int(y), int(x)] |= np.uint16(1 << band_of(h))
                 continue
             if not dz < np.float32(-1e-3):
                 continue

@@ -2,7 +2,7 @@
 import numba
 import numpy as np
 
-from wheelchair_shared_control.costmap_depth import BAND_HEIGHT
+from wheelchair_shared_control.costmap_depth import band_of
 
 BINS_PER_RADIAN = 115.0  # half a degree
 SHAPE = (361, 723)  # elevations, azimuths: all directions
@@ -48,7 +48,7 @@ def count_points(points, sensor, image, origin, resolution, limits,
             if inside and level <= obstacle_range:
                 hits[int(y), int(x)] += 1
                 places[int(y), int(x)] |= np.uint16(1 << ((int(4.0 * x) & 3) | (int(4.0 * y) & 3) << 2))
-                bands[int(y), int(x)] |= np.uint16(1 << int((h - min_height) / BAND_HEIGHT))
+                bands[int(y), int(x)] |= np.uint16(1 << band_of(h))
         elif h >= -tolerance:
             if inside and level <= raytrace_range:
                 floor[int(y), int(x)] += 1

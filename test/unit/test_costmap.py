@@ -334,6 +334,20 @@ def test_a_cloud_marks_and_clears_as_the_image_does():
     assert not costmap.insert_points(np.full((10, 3), np.nan), MOUNT[:3, 3], 5.0)
 
 
+@pytest.mark.parametrize("error_deg", [-1.5, 1.5])
+def test_a_cloud_that_pitches_has_no_obstacles_in_its_floor(error_deg):
+    pitch = CHAIR.camera.pitch + math.radians(error_deg)
+    costmap = Costmap(with_source("points", "PointCloud2").local_costmap, CHAIR)
+    costmap.move_to(ORIGIN)
+    depth = Renderer([floor(), box(2.0, 2.2, 0.2, 0.4, 0.0, 1.0)]).depth(ORIGIN, pitch=pitch)
+    points = cameras.back_project(CAMERA, depth).reshape(-1, 3) @ MOUNT[:3, :3].T + MOUNT[:3, 3]
+    costmap.insert_points(points, MOUNT[:3, 3], 0.0)
+    chair = Chair(floor())
+    chair.snapshot = costmap.update(ORIGIN, 0.0)
+    assert chair.lethal(1.95, 2.25, 0.15, 0.45) > 5
+    assert chair.lethal(-3, 3, -3, 3) == chair.lethal(1.95, 2.25, 0.15, 0.45)
+
+
 def test_a_laser_scan_follows_rep_117():
     settings = with_source("scan", "LaserScan", raytrace_range=2.5, obstacle_range=2.0)
     costmap = Costmap(settings.local_costmap, CHAIR)
