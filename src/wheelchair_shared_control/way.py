@@ -28,7 +28,7 @@ class Way:
             moved = bool(np.any(self._line))
             self._ground = from_world(world, se2.compose(door_pose_world, self._line)) if moved else ground
         self._legs, self._turning, self._planned = [], False, False
-        self._moved, self._moved_at = None, None
+        self._moved, self._moved_at, self._turned_at = None, None, None
         self._backing, self._tries = False, 0
 
     @property
@@ -47,20 +47,35 @@ class Way:
         return Twist(0.0, turn_on_the_spot(error, self.settings))
 
     def steer(self, now, pose, twist, assistance_state=0):
-        """Stick ``Twist`` at a believed pose (3,) and velocity."""
+        """Stick ``Twist`` at a believed pose (3,) and velocity.
+
+        Who is assisted leaves walls and stops to the planner: the stick is slowed near walls, but never pulled back
+        (that would end the assistance), and never long at rest (that would hold the chair).
+        """
         pose = self._on_line(pose)
-        if not self._planned or self._led_off(pose):
-            self._legs, self._planned = self._plan(pose), True
+        assisted = assistance_state == ASSISTING
+        if not self._planned or self._led_off(pose) or (assisted and self._legs and self._legs[0].reverse):
+            self._legs, self._planned = self._plan(pose, not assisted), True
             self._begin_leg(pose)
-        self._advance(pose)
+        self._advance(pose, not assisted)
+        if assisted:
+            return self._assisted(now, pose, twist)
         if not self._legs:
             return STOP
-        if assistance_state != ASSISTING and self._stuck(now, pose):
+        if self._stuck(now, pose):
             self._back_off(pose)
-        command = self._follow(pose, twist)
-        if assistance_state != ASSISTING:
-            command = self._with_care(pose, twist, command)
+        command = self._with_care(pose, twist, self._follow(pose, twist))
         self._note_motion(now, pose, command)
+        return command
+
+    def _assisted(self, now, pose, twist):
+        push = Twist(0.5 * self.settings.drive.back, 0.0)
+        if not self._legs:
+            return push
+        command, _ = self._slowed(pose, self._follow(pose, twist))
+        self._turned_at = now if self._turned_at is None or not self._turning else self._turned_at
+        if now - self._turned_at > self.settings.drive.stuck_time:
+            return Twist(push.v, command.w)
         return command
 
     def _on_line(self, pose):
@@ -76,10 +91,8 @@ class Way:
 
     # ---- plan --------------------------------------------------------------------------------------
 
-    def _plan(self, pose):
-        legs = plan(pose, self.settings, self.chair, self._ground)
-        self.end = legs[-1].end
-        return legs
+    def _plan(self, pose, may_reverse=True):
+        return plan(pose, self.settings, self.chair, self._ground, may_reverse)
 
     def _led_off(self, pose):
         """Whether the chair is no longer near the leg ahead (another hand has steered it)."""
@@ -90,7 +103,7 @@ class Way:
         offset = pose[:2] - leg.start
         return abs(direction[0] * offset[1] - direction[1] * offset[0]) > 0.3
 
-    def _advance(self, pose):
+    def _advance(self, pose, may_reverse):
         """Drop the leg ahead once its end is reached, or passed, or near enough to round a slight corner."""
         while self._legs:
             leg = self._legs[0]
@@ -100,10 +113,10 @@ class Way:
                 return
             self._legs = self._legs[1:]
             if not self._legs and self._backing:  # backed off: look again
-                self._legs = self._plan(pose)
+                self._legs = self._plan(pose, may_reverse)
                 self._begin_leg(pose)
                 return
-            if self._misses_axis(pose):
+            if may_reverse and self._misses_axis(pose):
                 self._tries += 1
                 self._legs = self._plan(pose)
             self._begin_leg(pose)

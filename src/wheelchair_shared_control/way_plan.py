@@ -40,7 +40,7 @@ class Leg(NamedTuple):
         return float(se2.wrap_angle(yaw + np.pi)) if self.reverse else yaw
 
 
-def plan(pose, settings, chair, ground=None):
+def plan(pose, settings, chair, ground=None, may_reverse=True):
     """Legs (list) from ``pose`` (3,); without ``ground`` the floor before and behind the wall counts as free."""
     drive = settings.drive
     exit_legs = _exit(settings, chair, ground)
@@ -48,7 +48,7 @@ def plan(pose, settings, chair, ground=None):
     on_axis = [Leg(np.array([min(pose[0], -drive.square), 0.0]), axis_end)] + exit_legs[1:]
     if pose[0] > -drive.square + 0.05 and abs(pose[1]) < 0.3 and abs(pose[2]) < 1.0:
         return on_axis  # in the gap, or too near to it for anything else
-    ways = sorted(_direct(pose, drive, axis_end), key=lambda legs: _cost(pose, legs))
+    ways = sorted(_direct(pose, drive, axis_end, may_reverse), key=lambda legs: _cost(pose, legs))
     best = None
     for legs in ways:
         if ground is None or least_room(pose, legs, chair, ground, -drive.square) >= settings.plan.clearance:
@@ -56,6 +56,8 @@ def plan(pose, settings, chair, ground=None):
             break
     if best is None and ground is not None:
         best = _searched(pose, settings, chair, ground, axis_end)
+        if best is not None and not may_reverse and any(leg.reverse for leg in best):
+            best = None
     return on_axis if best is None else best + exit_legs[1:]
 
 
@@ -113,13 +115,13 @@ def settles(remaining, turn, beside=0.0):
     return remaining >= 0.35 + 1.2 * abs(turn) + 5.0 * abs(beside)
 
 
-def _direct(pose, drive, axis_end):
+def _direct(pose, drive, axis_end, may_reverse):
     """Ways of one to three legs: along the axis, straight to a point of it, or straight back first."""
     x, y, yaw = pose
     if settles(-drive.square - x, yaw, y) or (abs(y) < 0.015 and x < -drive.square):
         yield [Leg(np.array([x, 0.0]), axis_end)]
     back = -np.array([np.cos(yaw), np.sin(yaw)])
-    for length in (0.0, 0.3, 0.6, 0.9):
+    for length in (0.0, 0.3, 0.6, 0.9) if may_reverse else (0.0,):
         at = pose[:2] + length * back
         before = [Leg(pose[:2].copy(), at, reverse=True)] if length else []
         for corner_x in np.arange(-drive.square - MARGIN, min(-drive.square - MARGIN, at[0] + 1.0) - 1.5, -0.1):
