@@ -15,6 +15,7 @@ SPEED = (0.3, 0.6)                  # m/s
 ANGLE = np.radians([45.0, 135.0])   # rad, of the walk to the chair's way, to either side
 IN_VIEW = 2.0                       # s before the conflict
 LENS_HOLDS = 0.8                    # m: nearer than this to the camera 0.4 m cannot be wholly in view
+STANDS_ASIDE = 0.4                  # m from the chair's way, before and after the walk
 MOVING = 0.1                        # m/s: a chair slower than this has no way to be crossed
 TRIES = 4000
 
@@ -43,7 +44,8 @@ def draw(trajectory, world, wheelchair, rng):
     """A person for the chair's undisturbed ``trajectory`` (n, 4) [time, x, y, yaw], or None where none fits.
 
     Redrawn until: the motions meet first at the chair's front edge, the person's way is free of the world from
-    2.0 s before to the meeting, and from then on, as long as a lens can hold them, they are wholly in view.
+    2.0 s before to the meeting, and from then on, as long as a lens can hold them, they are wholly in view. Where
+    they stand before and after their walk they are not in the chair's way.
     """
     trajectory = np.asarray(trajectory, dtype=float)
     footprint = footprints.from_settings(wheelchair)
@@ -66,7 +68,9 @@ def draw(trajectory, world, wheelchair, rng):
         velocity = walk * np.array([np.cos(heading), np.sin(heading)])
         person = Person(meeting - IN_VIEW * velocity, velocity, conflict - IN_VIEW, conflict, conflict)
         if _meet_first(person, trajectory, footprint) and _in_view(person, trajectory, shapes, wheelchair):
-            return _extended(person, trajectory, footprint, shapes)
+            person = _extended(person, trajectory, footprint, shapes)
+            if _out_of_the_way(person, trajectory, footprint):
+                return person
     return None
 
 
@@ -125,6 +129,18 @@ def _in_view(person, trajectory, shapes, wheelchair):
             return False
         if not all(outlines.sees(shapes, eye[:2], corner) for corner in corners):
             return False
+    return True
+
+
+def _out_of_the_way(person, trajectory, footprint):
+    """Whether the chair's undisturbed way is free where the person stands before and after walking."""
+    times = np.arange(trajectory[0, 0], trajectory[-1, 0], 0.2)
+    for standing, moments in ((person.begin, times[times < person.begin]), (person.end, times[times > person.begin])):
+        shape = _outline(person, standing)
+        for time in moments:
+            chair = footprints.corners(footprint, _at(trajectory, time))
+            if outlines.polygon_distance(shape, chair) < STANDS_ASIDE:
+                return False
     return True
 
 
