@@ -38,7 +38,7 @@ class Recorded(NamedTuple):
 
 def jobs(set_name, settings):
     """(scene, teacher's index) of all demonstrations of a set, in order."""
-    return [(scene, index) for scene in scenes.SCENES for index in range(settings.teachers_per_scene)]
+    return [(scene, index) for scene in teachers.SCENES for index in range(settings.teachers_per_scene)]
 
 
 def record(set_name, scene, index, seed, path, settings, simulator_settings=None, navigation=None):
@@ -47,7 +47,7 @@ def record(set_name, scene, index, seed, path, settings, simulator_settings=None
     ``settings``: group ``teachers``. What chance draws depends on ``seed``, scene and index alone.
     """
     simulator_settings = simulator_settings or parameters.load("simulator")
-    key = [int(seed), teachers.SETS.index(set_name), scenes.SCENES.index(scene), int(index)]
+    key = [int(seed), teachers.SETS.index(set_name), teachers.SCENES.index(scene), int(index)]
     rng = np.random.default_rng(key)
     teacher = teachers.Teacher(teachers.style(set_name, scene, index, settings, rng), settings, rng)
     world = scenes.build(scene)

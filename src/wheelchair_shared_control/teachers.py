@@ -13,6 +13,7 @@ import numpy as np
 from wheelchair_shared_control.values import Twist
 
 SETS = ("paper", "full")
+SCENES = ("open", "left_wall", "right_wall", "hallway")
 SLOW, MODERATE = "slow", "moderate"
 # sides with room beyond the door: +1 left, -1 right
 FREE_SIDES = {"open": (1.0, -1.0), "left_wall": (-1.0,), "right_wall": (1.0,), "hallway": ()}
@@ -21,9 +22,10 @@ FREE_SIDES = {"open": (1.0, -1.0), "left_wall": (-1.0,), "right_wall": (1.0,), "
 class Style(NamedTuple):
     """One teacher on one way.
 
-    ``pace`` "slow" or "moderate", ``speed`` [m/s]; ``start`` (3,) of base_link in the door's frame; ``swing``:
-    headings beyond the door swing between ``swing[0]`` and ``swing[1]`` [rad]; ``period`` [s]; ``phases`` (3,)
-    of the swings before the door, in it and beyond [rad]; ``steadiness`` scales weave and hand.
+    ``pace`` "slow" or "moderate", ``speed`` [m/s]; ``start`` (3,) of base_link in the door's frame; ``ends``:
+    headings beyond the door swing between these two [rad]; ``first`` 0 or 1: the end they swing to first;
+    ``phase`` [rad] of the weave in the doorway; ``steadiness`` scales weave and hand; ``turn_first``: turns on
+    the spot before driving.
     """
 
     set_name: str
@@ -31,36 +33,40 @@ class Style(NamedTuple):
     pace: str
     speed: float
     start: np.ndarray
-    swing: tuple
-    period: float
-    phases: np.ndarray
+    ends: tuple
+    first: int
+    phase: float
     steadiness: float
+    turn_first: bool
 
 
 def style(set_name, scene, index, settings, rng):
     """The ``Style`` of teacher ``index`` (from 0) of ``scene``; ``rng`` draws what is not laid down."""
     pace = SLOW if index % 2 == 0 else MODERATE
-    speed = getattr(settings, pace) * (1.0 + settings.pace_spread * rng.uniform(-1.0, 1.0))
-    way = settings.start
-    distance = rng.uniform(way.distance_low, way.distance_high)
-    if set_name == "full":
-        distance = settings.range.distance * rng.uniform(0.9, 1.0)
-    start = np.array([-distance, way.offset * rng.uniform(-1.0, 1.0), way.heading * rng.uniform(-1.0, 1.0)])
-    free = FREE_SIDES[scene]
-    reach = settings.exit.swing * rng.uniform(0.8, 1.0)
-    # in turn: to one side and back, to the other, a little of both
+    own = getattr(settings, pace)
+    speed = own.speed * (1.0 + settings.pace_spread * rng.uniform(-1.0, 1.0))
+    distance = rng.uniform(own.start_low, own.start_high)
+    heading = settings.heading * rng.uniform(-1.0, 1.0)
+    # in turn, and crosswise over the scenes: so neither side is preferred
     which = index // 2 % 3
+    side = 1.0 if (index // 2 + index + SCENES.index(scene)) % 2 else -1.0
+    turn_first = set_name == "full" and which == 2
+    if set_name == "full":
+        distance = own.range_distance * rng.uniform(0.9, 1.0)
+    if turn_first:
+        heading = settings.turn_first * side
+    start = np.array([-distance, settings.offset * rng.uniform(-1.0, 1.0), heading])
+    free = FREE_SIDES[scene]
+    reach = settings.swing.exit * rng.uniform(0.8, 1.0)
     if not free:
-        swing = (0.0, 0.0)
+        ends = (0.0, 0.0)
     elif len(free) == 1:
-        swing = (0.0, free[0] * reach * (1.0, 0.7, 0.4)[which])
+        ends = (0.0, free[0] * reach * (1.0, 0.8, 0.6)[which])
     else:
-        swing = ((0.0, reach), (0.0, -reach), (-0.6 * reach, 0.6 * reach))[which]
-    if set_name == "full" and index % 2:
-        swing = tuple(-angle for angle in swing) if len(free) == 2 else swing
+        ends = (-reach, reach)
+    first = 1 if len(free) == 1 or side > 0.0 else 0
     return Style(
-        set_name, scene, pace, speed, start, swing, settings.exit.period * rng.uniform(0.8, 1.2),
-        rng.uniform(0.0, 2.0 * np.pi, 3), rng.uniform(0.8, 1.2),
+        set_name, scene, pace, speed, start, ends, first, rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.8, 1.2), turn_first
     )
 
 
@@ -69,66 +75,69 @@ class Teacher:
 
     def __init__(self, style, settings, rng):
         self.style, self.settings = style, settings
-        self._rng, self._noise, self._w, self._v = rng, 0.0, 0.0, 0.0
-        self._since, self._last = {}, None
+        self._own = getattr(settings, style.pace)
+        self._rng, self._noise, self._command = rng, 0.0, Twist(0.0, 0.0)
+        self._swing_at, self._last, self._turning = None, None, style.turn_first
 
     def update(self, now, pose):
         """Stick ``Twist`` at ``now`` [s] for the pose (3,) in the door's frame, or None at the end."""
         s, style = self.settings, self.style
         x, y, yaw = pose
-        if now > s.longest or (x > 0.0 and np.hypot(x, y) > s.exit.end):
+        end = self._own.end if FREE_SIDES[style.scene] else s.hallway_end
+        if now > s.longest or (x > 0.0 and np.hypot(x, y) > end):
             return None
         dt = 0.0 if self._last is None else now - self._last
         self._last = now
-        if style.set_name == "full" and x < -s.range.nearest:
-            w = self._show_range(now, pose)
-        elif x < s.exit.begin:
-            w = self._cross(now, pose)
-        else:
-            w = self._leave(now, pose)
-        keep = np.exp(-dt / s.hand.time)
-        spread = s.hand.noise * style.steadiness
-        self._noise = keep * self._noise + np.sqrt(1.0 - keep * keep) * spread * self._rng.standard_normal()
-        limits = s.wheelchair.limits
-        wanted = float(np.clip(w + self._noise, -limits.turn_rate, limits.turn_rate))
-        self._w += float(np.clip(wanted - self._w, -s.aim.slew * dt, s.aim.slew * dt))
-        self._v += float(np.clip(style.speed - self._v, -limits.acceleration * dt, limits.acceleration * dt))
-        return Twist(self._v, self._w)
-
-    def _cross(self, now, pose):
-        """To the door's axis and along it; a weave of small turns once the front is between the jambs."""
-        x, y, yaw = pose
-        s, style = self.settings, self.style
+        v = style.speed
         aim = np.arctan2(-y, s.aim.lookahead)
-        w = s.aim.gain * (aim - yaw) * max(1.0, style.speed / 0.25)
+        if self._turning and abs(aim - yaw) > 0.2:
+            v, w = 0.0, float(np.clip(2.0 * (aim - yaw), -self._own.turn, self._own.turn))
+        elif style.set_name == "full" and x < -self._own.range_end:
+            self._turning = False
+            far = np.arctan2(-y, 2.0 * s.aim.lookahead)
+            w = self._swing(now, yaw, (far - s.swing.range, far + s.swing.range))
+        elif x < s.exit_begin or style.ends == (0.0, 0.0):
+            self._turning, self._swing_at = False, None
+            w = self._cross(now, x, aim - yaw)
+        else:
+            w = self._swing(now, yaw, style.ends)
+        return self._stick(dt, v, w)
+
+    def _cross(self, now, x, off):
+        """To the door's axis and along it; a weave of small turns once the front is between the jambs."""
+        s, style = self.settings, self.style
+        w = s.aim.gain * off * max(1.0, style.speed / 0.25)
         chair = s.wheelchair.footprint
         if x + chair.length - chair.axle_to_rear > -0.3:
-            weave = s.doorway.weave_slow if style.pace == SLOW else s.doorway.weave_moderate
-            w += weave * style.steadiness * np.sin(2.0 * np.pi * now / s.doorway.period + style.phases[1])
+            w += self._own.weave * style.steadiness * np.sin(2.0 * np.pi * now / s.weave_period + style.phase)
         return w
 
-    def _leave(self, now, pose):
-        """Swing between the style's headings, where there is room; weave along a hallway."""
-        s, style = self.settings, self.style
-        if style.swing == (0.0, 0.0):
-            return self._cross(now, pose)
-        return self._swing("exit", now, pose[2], style.swing, style.period, style.phases[2], self._turn(s.exit))
+    def _swing(self, now, yaw, ends):
+        """Turn rate [rad/s] of swings between two headings, each of its own size and haste.
 
-    def _show_range(self, now, pose):
-        """The limits of the range in the open: swings about the way to the door."""
-        s, style = self.settings, self.style
-        aim = np.arctan2(-pose[1], 2.0 * s.aim.lookahead)
-        swing = (aim - s.range.swing, aim + s.range.swing)
-        return self._swing("range", now, pose[2], swing, s.range.period, style.phases[0], self._turn(s.range))
+        Where there is room, everything up to the limit is shown, and nothing in it more than the rest.
+        """
+        s = self.settings.swing
+        if self._swing_at is None or now - self._swing_at[0] >= s.time:
+            end = self.style.first if self._swing_at is None else 1 - self._swing_at[1]
+            size, haste = self._rng.uniform(s.least, 1.0, 2)
+            middle = 0.5 * (ends[0] + ends[1])
+            # the end at the wall is kept to: only the open side is drawn
+            target = ends[end] if ends[end] == 0.0 else middle + size * (ends[end] - middle)
+            self._swing_at = (now, end, target - middle, haste * self._own.turn)
+        _, _, target, turn = self._swing_at
+        return float(np.clip(2.0 * (0.5 * (ends[0] + ends[1]) + target - yaw), -turn, turn))
 
-    def _turn(self, group):
-        return group.turn_slow if self.style.pace == SLOW else group.turn_moderate
-
-    def _swing(self, name, now, yaw, ends, period, phase, turn):
-        """Turn rate [rad/s] towards a heading that swings between ``ends``, at most ``turn``."""
-        began = self._since.setdefault(name, (now, yaw))[0]
-        share = 0.5 - 0.5 * np.cos(2.0 * np.pi * (now - began) / period)
-        if name == "range" and phase > np.pi:
-            share = 1.0 - share
-        heading = ends[0] + share * (ends[1] - ends[0])
-        return float(np.clip(2.0 * (heading - yaw), -turn, turn))
+    def _stick(self, dt, v, w):
+        """The command (v, w) as a hand gives it: unsteady, and not at once."""
+        s, limits = self.settings, self.settings.wheelchair.limits
+        keep = np.exp(-dt / s.hand.time)
+        spread = s.hand.noise * self.style.steadiness
+        self._noise = keep * self._noise + np.sqrt(1.0 - keep * keep) * spread * self._rng.standard_normal()
+        wanted = float(np.clip(w + self._noise, -limits.turn_rate, limits.turn_rate))
+        before = self._command
+        self._command = Twist(
+            before.v + float(np.clip(v - before.v, -limits.acceleration * dt, limits.acceleration * dt)),
+            before.w + float(np.clip(wanted - before.w, -s.aim.slew * dt, s.aim.slew * dt)),
+        )
+        return self._command

@@ -12,9 +12,9 @@ from wheelchair_shared_control.task_model import (
     INPUTS, MIRROR, NAMES, TaskModel, TaskModelError, Training,
 )
 
-# What a feature is measured in when the demonstrations do not vary it at all: max_range, a chair's speeds.
-NATURAL_SCALES = np.array([2.0, 2.0, 2.0, 0.6, 1.0, 1.0])
-SMALLEST_SCALE = 0.02
+# What each feature ranges over on a chair: the features' max_range, and speeds.
+SCALES = np.array([2.0, 2.0, 2.0, 0.6, 1.0, 1.0])
+REGULARISATION = 0.05
 AUTO_COMPONENTS = range(1, 9)
 # Fewer samples cannot hold a full covariance of six features for each component.
 SAMPLES_PER_COMPONENT = 3 * len(NAMES)
@@ -38,11 +38,11 @@ class Calibration(NamedTuple):
 def fit(samples, components, settings, seed, training=None):
     """``TaskModel`` of ``samples`` (n, 6) with ``components`` Gaussians.
 
-    ``settings``: group ``training``. The floor is relative to each feature's scale (its standard
-    deviation): a person who turns left has ``w_r`` exactly 0, so that whole components would have no
-    extent in ``w_r``, their density no limit, and their share of the situation no meaning. The fit sees the
-    samples in one order and in one handedness, so that neither the order of the bags nor a mirrored set
-    changes the outcome. Raises TaskModelError.
+    ``settings``: group ``training``. Every component's covariance gets a floor, relative to what each feature
+    ranges over (``SCALES``). A person who turns left has ``w_r`` exactly 0, and a free side reads exactly
+    ``max_range``: whole components would have no extent there, their density no limit, and a distance of
+    1.9 m would be a world apart from 2.0 m. The fit sees the samples in one order and in one handedness, so
+    that neither the order of the bags nor a mirrored set changes the outcome. Raises TaskModelError.
     """
     samples = np.asarray(samples, dtype=float)
     if len(samples) < SAMPLES_PER_COMPONENT * components:
@@ -55,11 +55,13 @@ def fit(samples, components, settings, seed, training=None):
         samples = samples[:, MIRROR]
     samples = samples[np.lexsort(samples.T)]
     centre = samples.mean(axis=0)
-    scale = np.maximum(samples.std(axis=0), SMALLEST_SCALE * NATURAL_SCALES)
+    floors = floors_of(settings)
+    # the library adds one number to all diagonals: in units of the floors it is the floor of each
+    scale = floors / REGULARISATION
     mixture = GaussianMixture(
         components,
         covariance_type="full",
-        reg_covar=settings.floor**2,
+        reg_covar=REGULARISATION**2,
         n_init=settings.initialisations,
         max_iter=settings.iterations,
         tol=settings.tolerance,
@@ -75,13 +77,16 @@ def fit(samples, components, settings, seed, training=None):
     order = np.argsort(-mixture.weights_, kind="stable")
     means = mixture.means_[order] * scale + centre
     covariances = mixture.covariances_[order] * scale[:, None] * scale[None, :]
-    floors = settings.floor * scale
     if mirror:
         means, covariances = means[:, MIRROR], covariances[:, MIRROR][:, :, MIRROR]
-        floors = floors[list(MIRROR)]
     if training is not None:
         training = training._replace(floors=floors)
     return TaskModel(mixture.weights_[order], means, covariances, training=training)
+
+
+def floors_of(settings):
+    """Standard deviation (6,) that is added to every component, in the features' units."""
+    return SCALES * np.repeat([settings.input_floor, settings.output_floor], [INPUTS, len(NAMES) - INPUTS])
 
 
 def train(samples, bag_index, components, settings, seed, provenance):

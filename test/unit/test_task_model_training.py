@@ -42,10 +42,18 @@ def test_samples_that_never_turn_right_keep_a_floor():
     samples = turning_samples(rng)
     samples[:, 5] = 0.0
     model = training.fit(samples, 3, SETTINGS, seed=4)
-    # w_r does not vary: its scale is the smallest one, 2 % of 1 rad/s, and the floor 5 % of that
-    expected = SETTINGS.floor * training.SMALLEST_SCALE * 1.0
+    # w_r does not vary at all: what is left is the floor, a share of 1 rad/s
     sigma_r = model.predict_many(samples[:, :4]).sigma_r
-    np.testing.assert_allclose(sigma_r, expected, rtol=0.05)
+    np.testing.assert_allclose(sigma_r, SETTINGS.output_floor * 1.0, rtol=1e-6)
+
+
+def test_every_component_has_the_floor():
+    rng = np.random.default_rng(9)
+    model = training.fit(turning_samples(rng), 3, SETTINGS, seed=4)
+    smallest = np.sqrt(np.einsum("kii->ki", model.covariances).min(axis=0))
+    assert (smallest >= training.floors_of(SETTINGS) * (1 - 1e-9)).all()
+    # 10 % of 2 m, 10 % of 0.6 m/s, 2 % of 1 rad/s
+    np.testing.assert_allclose(training.floors_of(SETTINGS), [0.2, 0.2, 0.2, 0.06, 0.02, 0.02])
 
 
 def test_samples_of_a_known_mixture_are_covered_as_they_should_be():

@@ -3,37 +3,43 @@ from wheelchair_shared_control.parameters import P
 
 INCLUDES = ["wheelchair"]
 
+
+def pace(name):
+    """The rows of one of the two paces: slowly more is possible, and more is shown."""
+    key = name + "/"
+    return [
+        P(key + "speed", float, "m/s", 0.05, 0.6, "forward speed"),
+        P(key + "start_low", float, "m", 1.0, 6.0, "nearest start of base_link before the door plane"),
+        P(key + "start_high", float, "m", 1.0, 6.0, "farthest start"),
+        P(key + "weave", float, "rad/s", 0.0, 0.5, "turn rate of the weave in the doorway"),
+        P(key + "turn", float, "rad/s", 0.0, 1.0, "largest turn rate where there is room"),
+        P(key + "end", float, "m", 1.0, 3.5, "base_link this far from the door, beyond it, the demonstration ends"),
+        P(key + "range_distance", float, "m", 2.0, 5.5, "full set: start before the plane, to show the range"),
+        P(key + "range_end", float, "m", 1.0, 3.0, "full set: the range is shown down to this distance of the plane"),
+    ]
+
+
 TABLE = [
     P("teachers_per_scene", int, "", 1, 100, "demonstrations of each scene (the paper: 6)"),
     P("command_rate", float, "Hz", 5.0, 50.0, "stick"),
     P("look_rate", float, "Hz", 1.0, 30.0, "depth frames, range readings and features"),
     P("odometry_rate", float, "Hz", 10.0, 100.0, "odometry and tf"),
     P("longest", float, "s", 5.0, 300.0, "a demonstration ends at the latest"),
-    P("slow", float, "m/s", 0.05, 0.6, "the slow pace"),
-    P("moderate", float, "m/s", 0.05, 0.6, "the moderate pace"),
-    P("pace_spread", float, "", 0.0, 0.5, "teachers' paces differ by this share, either way"),
-    P("start/distance_low", float, "m", 1.0, 6.0, "nearest start of base_link before the door plane"),
-    P("start/distance_high", float, "m", 1.0, 6.0, "farthest start"),
-    P("start/offset", float, "m", 0.0, 2.0, "start beside the door's axis, either side"),
-    P("start/heading", float, "rad", 0.0, 1.5, "start turned off the door's normal, either way"),
+    P("pace_spread", float, "", 0.0, 0.5, "teachers' speeds differ by this share, either way"),
+    P("offset", float, "m", 0.0, 2.0, "starts lie beside the door's axis, either side"),
+    P("heading", float, "rad", 0.0, 1.5, "starts are turned off the door's normal, either way"),
+    P("turn_first", float, "rad", 0.0, 2.0, "full set: so far off the way some start, and turn on the spot"),
     P("aim/lookahead", float, "m", 0.3, 3.0, "how far ahead on the axis a teacher looks"),
     P("aim/gain", float, "1/s", 0.2, 5.0, "turn rate per angle off the aim"),
     P("aim/slew", float, "rad/s2", 0.2, 10.0, "how fast the stick changes the turn rate"),
     P("hand/noise", float, "rad/s", 0.0, 0.3, "unsteadiness of the hand"),
     P("hand/time", float, "s", 0.05, 5.0, "how long an unsteadiness lasts"),
-    P("doorway/weave_slow", float, "rad/s", 0.0, 0.5, "turn rate of the weave in the doorway at the slow pace"),
-    P("doorway/weave_moderate", float, "rad/s", 0.0, 0.5, "the same at the moderate pace"),
-    P("doorway/period", float, "s", 0.5, 10.0, "of the weave"),
-    P("exit/turn_slow", float, "rad/s", 0.0, 1.0, "largest turn rate beyond the door at the slow pace"),
-    P("exit/turn_moderate", float, "rad/s", 0.0, 1.0, "the same at the moderate pace"),
-    P("exit/swing", float, "rad", 0.0, 2.0, "how far teachers turn off the normal beyond the door"),
-    P("exit/period", float, "s", 1.0, 20.0, "of the swings beyond the door"),
-    P("exit/begin", float, "m", 0.36, 1.5, "base_link this far beyond the plane, the turn begins"),
-    P("exit/end", float, "m", 1.0, 3.5, "base_link this far from the door, the demonstration ends"),
-    P("range/distance", float, "m", 2.0, 5.5, "full set: starts this far before the plane, to show the range"),
-    P("range/nearest", float, "m", 1.0, 3.0, "full set: the range is shown down to this distance"),
-    P("range/turn_slow", float, "rad/s", 0.0, 1.0, "full set: largest turn rate before the door at the slow pace"),
-    P("range/turn_moderate", float, "rad/s", 0.0, 1.0, "the same at the moderate pace"),
-    P("range/swing", float, "rad", 0.0, 2.0, "full set: how far teachers turn off the normal before the door"),
-    P("range/period", float, "s", 1.0, 20.0, "of these swings"),
+    P("weave_period", float, "s", 0.5, 10.0, "of the weave in the doorway"),
+    P("swing/exit", float, "rad", 0.0, 2.0, "how far teachers turn off the normal beyond the door"),
+    P("swing/range", float, "rad", 0.0, 2.0, "full set: how far they turn off the way before the door"),
+    P("swing/time", float, "s", 0.5, 10.0, "from one swing to the next"),
+    P("swing/least", float, "", 0.0, 1.0, "the smallest swing, as a share of the largest"),
+    P("hallway_end", float, "m", 1.0, 3.9, "as slow/end, at both paces, where the way goes on between walls"),
+    P("exit_begin", float, "m", 0.36, 1.5, "base_link this far beyond the plane, the turn begins"),
 ]
+TABLE += pace("slow") + pace("moderate")
