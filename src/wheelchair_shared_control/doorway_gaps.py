@@ -3,20 +3,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wheelchair_shared_control.doorway_rays import BEFORE, DEEP, SHALLOW, WALL, count_crossings
+from wheelchair_shared_control.doorway_rays import BEFORE, DEEP, FRONT, SHALLOW, WALL, count_crossings
 
 
 class Scan(NamedTuple):
     """What the rays say about a wall's plane, column by column.
 
-    ``s`` (n,) [m] middles of the columns; ``solid``, ``open``, ``seen`` (n,) bool.
+    ``s`` (n,) [m] middles of the columns; ``solid``, ``open``, ``seen``, ``hidden`` (n,) bool: hidden behind
+    something that stands before the plane.
     """
 
     s: np.ndarray
     solid: np.ndarray
     open: np.ndarray
     seen: np.ndarray
-    counts: np.ndarray
+    hidden: np.ndarray
 
 
 class Gap(NamedTuple):
@@ -49,9 +50,10 @@ def scan(rays, line, settings):
     wall_cells = (told & (solid >= gap.majority * total)).sum(axis=1)
     deep_cells = (told & (counts[DEEP] >= gap.majority * total)).sum(axis=1)
     seen = heights >= gap.min_cells
+    hidden = (counts[FRONT] > 0).sum(axis=1) >= np.maximum(2 * heights, gap.min_cells)
     share = np.maximum(heights, 1)
     return Scan(-gap.reach + (np.arange(s_bins) + 0.5) * gap.step, seen & (wall_cells >= gap.solid_share * share),
-                seen & (deep_cells >= gap.open_share * share), seen, counts)
+                seen & (deep_cells >= gap.open_share * share), seen, hidden)
 
 
 def gaps(found, settings):
@@ -73,15 +75,24 @@ def gaps(found, settings):
         left = found.s[at_solid[group - 1]] + step / 2.0 if group > 0 else np.nan
         right = found.s[at_solid[group]] - step / 2.0 if group < len(at_solid) else np.nan
         # blank columns before the jamb (its reveal, its shadow) are few; a jamb far off is another thing
-        if found.s[columns[0]] - left > gap.max_blank:
-            left = np.nan
-        if right - found.s[columns[-1]] > gap.max_blank:
-            right = np.nan
+        if not found.s[columns[0]] - left <= gap.max_blank:
+            left = _hider(found, columns[0], -1, gap)
+        if not right - found.s[columns[-1]] <= gap.max_blank:
+            right = _hider(found, columns[-1], 1, gap)
         low = left if np.isfinite(left) else found.s[columns[0]]
         high = right if np.isfinite(right) else found.s[columns[-1]]
         result.append(Gap(float(left), float(right), float(len(columns) * step / max(high - low, step)),
                           _is_free_standing(found, left, right, settings)))
     return result
+
+
+def _hider(found, column, side, gap):
+    """Where an open stretch goes out of sight behind something nearer, such as a wall along the way: maybe a jamb."""
+    for step in range(1, int(0.1 / gap.step) + 2):
+        at = column + side * step
+        if 0 <= at < len(found.s) and found.hidden[at]:
+            return found.s[at] - side * gap.step / 2.0
+    return np.nan
 
 
 def _is_free_standing(found, left, right, settings):

@@ -64,7 +64,7 @@ def refined_line(near, line, left, right, sensor_xy, settings):
 def refined_edges(near, left, right, settings):
     """``Jambs`` from all rays around the gap, whose rough edges are ``left`` and ``right`` [m]."""
     pitch = _pitch(near, left, right)
-    near = near.where(near.label != FRONT)
+    near = near.where((near.label != FRONT) | beside_plane(near, settings))
     a = _edge(near, left, -1.0, right - left, pitch, settings)
     b = _edge(near, right, 1.0, right - left, pitch, settings)
     back = [edge.back for edge in (a, b) if edge.back is not None]
@@ -120,9 +120,7 @@ def _edge(near, rough, side, width, pitch, settings):
             solid = solid | shallow
         wall = _corner(u_cross[solid], u_end[solid], u_cross[passed], pitch, jamb)
     else:
-        # the wall hides behind a leaf or a shelf: its end is the edge
-        leaf = (near.label == BEFORE) & (np.abs(u_end) < window)
-        wall = float(np.percentile(u_end[leaf], 2)) if leaf.sum() >= jamb.min_reveal else 0.0
+        wall = _standing(u_end, near, settings)
     edge, face = wall, 0.0
     if framed:
         limit = np.percentile(near.offset[stands], 10) + 2.0 * gap.tolerance + 2.0 * near.noise
@@ -139,6 +137,21 @@ def _edge(near, rough, side, width, pitch, settings):
         near.offset > face + gap.tolerance) & (near.offset < gap.reveal_depth) & (near.label != BEFORE)
     back = float(np.percentile(near.offset[inner], 97)) if inner.sum() >= jamb.min_reveal else None
     return _Edge(rough + side * wall, rough + side * edge, face, back)
+
+
+def _standing(u_end, near, settings):
+    """The edge where no wall is seen beside the gap, but something as tall: a wall along the way, a folded leaf."""
+    jamb = settings.jamb
+    tall = (near.z > settings.volume.tall) & (np.abs(u_end) < jamb.corner) & beside_plane(near, settings)
+    if tall.sum() < jamb.min_reveal:
+        return 0.0
+    inmost = np.percentile(u_end[tall], 5)
+    return float(np.median(u_end[tall & (u_end < inmost + jamb.reveal_band)]))
+
+
+def beside_plane(near, settings):
+    """Rays (mask) that end near the wall's plane, before or behind it."""
+    return (np.abs(near.offset) < settings.gap.reveal_depth) & (near.z > settings.gap.low)
 
 
 def _corner(u_plane, u_end, u_through, pitch, jamb):

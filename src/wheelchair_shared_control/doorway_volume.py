@@ -3,6 +3,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wheelchair_shared_control.doorway_jambs import beside_plane
 from wheelchair_shared_control.doorway_rays import BEFORE, DEEP, FRONT, SHALLOW, WALL
 
 
@@ -26,6 +27,9 @@ def judge(near, jambs, settings):
     support = []
     for side, edge in ((-1.0, jambs.wall_left), (1.0, jambs.wall_right)):
         reason, share = _jamb(near, side, edge, settings)
+        if reason and not reason.startswith("jamb ends"):
+            other, share = _corner_jamb(near, side, edge, settings)
+            reason = reason if other is None else other
         if reason:
             return refuse(reason + (" left" if side < 0 else " right"))
         support.append(share)
@@ -80,6 +84,28 @@ def _jamb(near, side, edge, settings):
     if share < jamb.min_share:
         return "jamb is broken:", share
     return "", share
+
+
+def _corner_jamb(near, side, edge, settings):
+    """A jamb that is no wall in the plane but something tall at its edge, such as a wall along the way.
+
+    Returns (reason or "", share), or (None, 0) if there is nothing.
+    """
+    jamb = settings.jamb
+    outward = side * (near.s - edge)
+    standing = beside_plane(near, settings) & (outward > -jamb.reveal_band) & (outward < jamb.corner)
+    if standing.sum() < jamb.min_points:
+        return None, 0.0
+    z = near.z[standing]
+    if np.unique((z / 0.05).astype(int)).size * 0.05 < jamb.min_height or z.max() < settings.volume.tall:
+        return None, 0.0
+    top = float(np.percentile(z, 98))
+    across = side * (near.s_cross - edge)
+    above = (near.label == DEEP) & (across > 0.0) & (across < jamb.corner) & (near.z_cross > top + 0.03) & (
+        near.z_cross < jamb.full_height)
+    if above.sum() > 0.1 * standing.sum() and top < jamb.full_height - 0.1:
+        return "jamb ends at %.2f m:" % top, 0.0
+    return "", jamb.min_share
 
 
 def _coverage(near, left, right, settings):

@@ -87,6 +87,9 @@ def draw(rng, kind, camera_x, width=None):
         sill = float(rng.uniform(0.5, 1.1))
         room.fill(-half, half, 0.0, sill)
     if kind == "wall_end":
+        # the room's side wall is farther off than the widest door
+        if not (high + half > 1.6 and half - low > 1.6):
+            return None
         gaps = [(-half, high + 3.0)] if rng.random() < 0.5 else [(low - 3.0, half)]
     if kind == "blind":
         gaps = []

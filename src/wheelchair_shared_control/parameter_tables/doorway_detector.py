@@ -67,6 +67,7 @@ TABLE = [
     P("jamb/max_shadow", float, "m", 0.0, 1.0, "longer blanks at an edge are a camera's shadow behind it"),
     P("jamb/thickness", float, "m", 0.0, 1.0, "thickness of a wall where it cannot be seen"),
     P("jamb/thickness_sigma", float, "m", 0.0, 1.0, "standard deviation of half that thickness"),
+    P("jamb/corner", float, "m", 0.0, 1.0, "where no wall is seen, something tall this near to the edge is the jamb"),
     P("jamb/max_reveal", float, "m", 0.0, 2.0, "the inner face of a jamb hides at most this much of the gap"),
     P("jamb/reveal_clear", float, "m", 0.0, 0.2, "rays this near to the edge tell nothing about a jamb's inner face"),
     P("jamb/reveal_band", float, "m", 0.005, 0.3, "points of a jamb's inner face lie this near to the edge"),
