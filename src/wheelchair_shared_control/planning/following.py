@@ -12,6 +12,7 @@ from numba import njit
 from wheelchair_shared_control.planning.clearance import FAST, clearance, known_at
 
 DT = 0.05
+SLOW_BEFORE = 0.35  # m
 TURN_ON_SPOT = 0.012  # m a step: below, the step is a turn on the spot
 
 
@@ -137,7 +138,13 @@ def speeds(steps, kinds, clear, seen, at_contact, per_clearance, in_unknown, v_m
     for k in range(n - 1, -1, -1):
         ds, dth = abs(steps[k, 0]), abs(steps[k, 1])
         cap = v_max if steps[k, 0] >= 0.0 else v_back
-        v = min(cap, at_contact + per_clearance * max(clear[k], 0.0))
+        # What is narrow is entered at its own speed, not braked for at its edge.
+        ahead, c, j = 0.0, clear[k], k
+        while j + 1 < n and ahead < SLOW_BEFORE:
+            ahead += abs(steps[j, 0])
+            j += 1
+            c = min(c, clear[j])
+        v = min(cap, at_contact + per_clearance * max(c, 0.0))
         if not seen[k]:
             v = min(v, in_unknown)
         w = min(w_max, 0.25 + 3.0 * max(clear[k], 0.0))

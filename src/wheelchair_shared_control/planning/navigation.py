@@ -20,7 +20,7 @@ SLICE = 500  # states expanded in one cycle
 FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
 # Candidates, as shares of the wanted speed and turn rate, in the order of preference.
 SCALES = np.array([[1.0, 1.0], [0.85, 0.85], [0.7, 0.7], [0.55, 0.55], [0.4, 0.4], [0.28, 0.28], [0.18, 0.18],
-                   [0.1, 0.1], [0.5, 1.0], [1.0, 0.5], [0.0, 1.0], [0.0, 0.5]])
+                   [0.1, 0.1], [0.5, 1.0], [1.0, 0.5], [1.0, 0.0], [0.4, 0.0], [0.0, 1.0], [0.0, 0.5]])
 EMPTY = np.zeros((0, 3))
 
 

@@ -8,9 +8,10 @@ strength; the spine, which only counts where the footprint overlaps something, p
 import numpy as np
 from numba import njit
 
-from wheelchair_shared_control.planning.clearance import FAST, field_gradient
+from wheelchair_shared_control.planning.clearance import FAST, clearance, field_gradient
 
 
+NARROW, STRAIGHT, STIFF = 0.15, 0.35, 15.0  # m, m, 1: straight from so far before what is narrow
 STEER = 0.35  # m: within about three of it a deviation from the path is steered out
 
 
@@ -109,12 +110,31 @@ def _stage(distance, frame, outline, spine, half_width, reach, middle, weights, 
 
 
 @njit(**FAST)
-def _control_cost(steps, prior, weights):
-    w_ds, w_dth, w_bend = weights[9], weights[10], weights[11]
+def _bend_weights(distance, frame, outline, spine, half_width, reach, middle, weights, prior, targets):
+    """Weight (n,) of each step's bending: large in narrow places and shortly before them.
+
+    The front is 0.7 m ahead of the axle: who still bends when the front enters is not square.
+    """
+    n = prior.shape[0]
+    out = np.empty(n)
+    left = 0.0
+    for k in range(n - 1, -1, -1):
+        c = clearance(distance, frame, outline, spine, half_width, reach, middle, 0.5,
+                      targets[k + 1, 0], targets[k + 1, 1], targets[k + 1, 2])
+        if c < NARROW:
+            left = STRAIGHT
+        out[k] = weights[11] * (1.0 + (STIFF if left > 0.0 and prior[k, 0] > 0.01 else 0.0))
+        left -= abs(prior[k, 0]) + 0.3 * abs(prior[k, 1])
+    return out
+
+
+@njit(**FAST)
+def _control_cost(steps, prior, weights, w_bends):
+    w_ds, w_dth = weights[9], weights[10]
     cost = 0.0
     for k in range(steps.shape[0]):
         a, b = steps[k, 0] - prior[k, 0], steps[k, 1] - prior[k, 1]
-        cost += 0.5 * (w_ds * a * a + w_dth * b * b + w_bend * steps[k, 1] ** 2)
+        cost += 0.5 * (w_ds * a * a + w_dth * b * b + w_bends[k] * steps[k, 1] ** 2)
     return cost
 
 
@@ -135,9 +155,10 @@ def refine(distance, frame, outline, spine, half_width, reach, middle, weights, 
     g = np.empty((n + 1, 3))
     h = np.empty((n + 1, 3, 3))
     gt, ht = np.empty(3), np.empty((3, 3))
-    w_ds, w_dth, w_bend = weights[9], weights[10], weights[11]
+    w_ds, w_dth = weights[9], weights[10]
+    w_bends = _bend_weights(distance, frame, outline, spine, half_width, reach, middle, weights, prior, targets)
     _track(start, prior, kinds, targets, steps, poses)
-    cost = _control_cost(steps, prior, weights)
+    cost = _control_cost(steps, prior, weights, w_bends)
     for k in range(n + 1):
         cost += _stage(distance, frame, outline, spine, half_width, reach, middle, weights,
                        poses[k], targets[k], k == n, g[k], h[k])
@@ -147,6 +168,7 @@ def refine(distance, frame, outline, spine, half_width, reach, middle, weights, 
         vx = g[n].copy()
         vxx = h[n].copy()
         for k in range(n - 1, -1, -1):
+            w_bend = w_bends[k]
             ds, dth = steps[k, 0], steps[k, 1]
             mid = poses[k, 2] + 0.5 * dth
             c, s = np.cos(mid), np.sin(mid)
@@ -222,7 +244,7 @@ def refine(distance, frame, outline, spine, half_width, reach, middle, weights, 
                 trial[k + 1, 0] = trial[k, 0] + chord * np.cos(trial[k, 2] + half)
                 trial[k + 1, 1] = trial[k, 1] + chord * np.sin(trial[k, 2] + half)
                 trial[k + 1, 2] = trial[k, 2] + trial_steps[k, 1]
-            new = _control_cost(trial_steps, prior, weights)
+            new = _control_cost(trial_steps, prior, weights, w_bends)
             for k in range(n + 1):
                 new += _stage(distance, frame, outline, spine, half_width, reach, middle, weights,
                               trial[k], targets[k], k == n, gt, ht)
