@@ -70,7 +70,7 @@ def test_every_node_accepts_what_the_launch_file_gives_it(name):
     assert checked
 
 
-@pytest.mark.parametrize("scene, user", zip(itertools.cycle(options.SCENES), options.USERS))
+@pytest.mark.parametrize("scene, user", list(zip(itertools.cycle(options.SCENES), options.USERS)))
 def test_demo_knows_all_scenes_and_users(scene, user):
     checked = settings("demo.launch", "scene:=" + scene, "user:=" + user)
     assert checked["simulator"].scene.scene == checked["simulated_user"].scene.scene == scene
