@@ -16,8 +16,12 @@ from wheelchair_shared_control.values import STOP, Twist
 
 FREE, SLOWED, STOPPED, DEGRADED = 0, 1, 2, 3
 SCALES = (0.85, 0.7, 0.55, 0.4, 0.28, 0.18, 0.1, 0.05)
+PART_TURNS = (0.5, 0.2, 0.0)
 PART_SCALES = (1.0, 0.6, 0.35, 0.2, 0.1)
 SLIDE_BELOW = 0.3  # of the command left on its own arc: below, a part of it may pass instead
+# m/s: below, a part may pass in any case. A chair that sets off turns before it drives, because only its speed is
+# limited in jerk, and would be held by the swing of its own corners.
+CREEP = 0.1
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
 # The outline is taken smaller by this much [m] where unknown ground is concerned, both for what counts as driven
@@ -145,7 +149,7 @@ class Guard:
         scale, hit = self._same_arc(command, pose, v, w, obstacles, hit)
         what = self._describe(hit, obstacles, pose)
         least = Twist(command.v * scale, command.w * scale)
-        if scale < SLIDE_BELOW:
+        if scale < SLIDE_BELOW or abs(command.v) < CREEP:
             least = self._part(command, least, pose, v, w, obstacles)
         point = obstacles[0][hit]
         if least.v == 0.0 and least.w == 0.0:
@@ -180,16 +184,18 @@ class Guard:
         """
         if command.v == 0.0 or command.w == 0.0:
             return least
-        radius = self._footprint.circumscribed_radius
-        best, most = least, abs(least.v) + radius * abs(least.w)
-        for turn in (0.5, 0.2, 0.0):
+
+        def left(part):  # how much of the command it is, 0 to 2
+            return part.v / command.v + part.w / command.w
+
+        best = least
+        for turn in PART_TURNS:
             for scale in PART_SCALES:
                 part = Twist(command.v * scale, command.w * turn * scale)
-                moved = abs(part.v) + radius * abs(part.w)
-                if moved <= most:
+                if left(part) <= left(best):
                     break
                 if self._hit(part, pose, v, w, obstacles) is None:
-                    best, most = part, moved
+                    best = part
                     break
         return best
 

@@ -43,8 +43,9 @@ class Limiter:
 
     def reset(self):
         """Forget: the chair stands."""
-        self.command = STOP
+        self.command = self._before = STOP
         self._acceleration = 0.0
+        self._dt = 0.0
 
     def step(self, target, dt):
         """The command [m/s, rad/s] to send ``dt`` [s] after the last one, on the way to ``target``."""
@@ -57,6 +58,7 @@ class Limiter:
             v, self._acceleration = math.copysign(limits.speed, v), 0.0
         change = limits.turn_acceleration * dt
         w = min(max(target.w, self.command.w - change), self.command.w + change)
+        self._before, self._dt = self.command, dt
         self.command = Twist(v, w)
         return self.command
 
@@ -64,6 +66,7 @@ class Limiter:
         """The command on the way to standstill at the acceleration limit, without regard to jerk."""
         limits = self._limits
         self._acceleration = 0.0
+        self._before, self._dt = self.command, dt
         self.command = Twist(
             _towards_zero(self.command.v, limits.acceleration * dt),
             _towards_zero(self.command.w, limits.turn_acceleration * dt),
@@ -71,10 +74,16 @@ class Limiter:
         return self.command
 
     def sent(self, command):
-        """Take over what the guard left of the last step: the next one starts there."""
+        """Take over what the guard left of the last step: the next one starts there.
+
+        What it left of the acceleration is kept, too. Otherwise a chair close to a wall, which may drive off but
+        not turn, would for ever be given the first step of a jerk-limited ramp, the one that is all turn.
+        """
         if command != self.command:
+            gained = command.v - self._before.v
+            speeds_up = gained * command.v > 0.0 and abs(command.v) > abs(self._before.v)
+            self._acceleration = gained / self._dt if speeds_up and self._dt > 0.0 else 0.0
             self.command = command
-            self._acceleration = 0.0
 
 
 def _towards_zero(value, change):

@@ -8,6 +8,7 @@ from wheelchair_shared_control import footprint as outline
 from wheelchair_shared_control import parameters, se2, sweep
 from wheelchair_shared_control.grid import Grid
 from wheelchair_shared_control.guard import FREE, SLOWED, STOPPED, Guard
+from wheelchair_shared_control.limiter import Limiter
 from wheelchair_shared_control.moving import MovingCells
 from wheelchair_shared_control.ranging import RangePoints
 from wheelchair_shared_control.values import RANGERS, STOP, Odometry, Ranges, Twist
@@ -173,6 +174,18 @@ def test_a_chair_that_stands_close_may_leave():
     chair = Chair(wall)
     chair.drive(Twist(0.3, 0.5), 2.0)
     assert chair.nearest > 0.018
+
+
+def test_a_chair_whose_rear_corner_is_close_may_drive_off_in_a_curve():
+    """Through the limiter, whose first steps are all turn: those swing the rear corner into the wall."""
+    wall = filled(empty(), (-0.5, -0.375), (-3.0, 3.0))  # 2.5 cm behind the rear edge
+    chair, limiter = Chair(wall, pose=(0.0, 0.0, -0.3)), Limiter(SETTINGS.wheelchair.limits)
+    chair.pose[0] += 0.35 * math.cos(0.3) + 0.325 * math.sin(0.3) - 0.35  # turned, the rear corner as close
+    chair.nearest = chair.clearance()
+    for _ in range(60):
+        chair.drive(limiter.step(Twist(0.3, -0.5), TICK), TICK)
+        limiter.sent(chair.verdict.command)
+    assert chair.clearance() > 0.1 and chair.v > 0.25 and chair.nearest > 0.018
 
 
 def test_a_false_cell_inside_the_outline_forbids_only_what_deepens_it():
