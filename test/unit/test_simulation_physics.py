@@ -143,13 +143,13 @@ def test_odometry_errors_have_the_stated_spread(simulate):
     # 1.7 m straight on: scale error N(0, 1 %), yaw drift N(0, 0.5 degree/m), one draw an episode
     scales, drifts = [], []
     simulator = simulate(settings=SETTINGS)
-    for seed in range(30):
+    for seed in range(20):
         simulator.reset(seed)
         chair = simulator.chair
         scales.append(chair._scale - 1.0)
         drifts.append(chair._drift)
-    assert np.std(scales) == pytest.approx(0.01, rel=0.35)
-    assert np.std(drifts) == pytest.approx(np.radians(0.5), rel=0.35)
+    assert np.std(scales) == pytest.approx(0.01, rel=0.4)
+    assert np.std(drifts) == pytest.approx(np.radians(0.5), rel=0.4)
     simulator.reset(3)
     drive(simulator, 0.5, 0.0, 3.5)
     truth, odometry = simulator.truth().pose, simulator.odometry().pose
@@ -184,7 +184,7 @@ def test_equal_seeds_give_equal_bits(simulate):
 
 def test_large_worlds_are_held_by_neighbourhood_with_the_same_result(simulate, monkeypatch):
     rng = np.random.default_rng(1)
-    rows = [box(x, y, 1.25, 0.0, 0.2, 0.2, 2.5) for x, y in rng.uniform(-20, 20, (400, 2)) if abs(y) > 0.8]
+    rows = [box(x, y, 1.25, 0.0, 0.2, 0.2, 2.5) for x, y in rng.uniform(-15, 15, (260, 2)) if abs(y) > 0.8]
     world = make(rows, ["post_%d" % i for i in range(len(rows))])
     from wheelchair_shared_control.simulation import simulator as module
     one = simulate(world=world, start=(-2.0, 0.0, 0.0))

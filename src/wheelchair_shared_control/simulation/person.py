@@ -47,7 +47,8 @@ def draw(trajectory, world, wheelchair, rng):
     2.0 s before to the meeting, and from then on, as long as a lens can hold them, they are wholly in view. Where
     they stand before and after their walk they are not in the chair's way.
     """
-    trajectory = np.asarray(trajectory, dtype=float)
+    trajectory = np.array(trajectory, dtype=float)
+    trajectory[:, 3] = np.unwrap(trajectory[:, 3])
     footprint = footprints.from_settings(wheelchair)
     shapes = outlines.from_world(world)
     times = trajectory[:, 0]
@@ -95,9 +96,8 @@ def nominal_trajectory(start, door, speed=0.4, turn_rate=0.5, pause=1.0, step=0.
 
 
 def _at(trajectory, time):
-    yaw = np.unwrap(trajectory[:, 3])
-    return np.array([np.interp(time, trajectory[:, 0], column)
-                     for column in (trajectory[:, 1], trajectory[:, 2], yaw)])
+    """Pose (3,) at a time; the yaw of ``trajectory`` must not jump."""
+    return np.array([np.interp(time, trajectory[:, 0], column) for column in trajectory.T[1:]])
 
 
 def _outline(person, time):

@@ -130,7 +130,8 @@ def load(scene, wall_height=2.5, **measures):
         raise SceneError("unknown scene '%s', must be one of %s, or a .yaml, .sdf, .obj, .stl, .dae or .ply file"
                          % (scene, ", ".join(SCENES)))
     if not path.is_file():
-        raise SceneError("%s: no such file" % scene)
+        # a node's folder is not the shell's: say where a relative name was looked for
+        raise SceneError("%s: no such file%s" % (scene, "" if path.is_absolute() else " in %s" % Path.cwd()))
     if suffix in (".sdf", ".world"):
         from wheelchair_shared_control.simulation import sdf
         return sdf.load(path)
