@@ -79,8 +79,6 @@ def fit(samples, components, settings, seed, training=None):
     covariances = mixture.covariances_[order] * scale[:, None] * scale[None, :]
     if mirror:
         means, covariances = means[:, MIRROR], covariances[:, MIRROR][:, :, MIRROR]
-    if training is not None:
-        training = training._replace(floors=floors)
     return TaskModel(mixture.weights_[order], means, covariances, training=training)
 
 
@@ -89,30 +87,30 @@ def floors_of(settings):
     return SCALES * np.repeat([settings.input_floor, settings.output_floor], [INPUTS, len(NAMES) - INPUTS])
 
 
-def train(samples, bag_index, components, settings, seed, provenance):
-    """``TaskModel`` of ``samples`` (n, 6) from bags ``bag_index`` (n,), and BIC by K (only K for a given K).
+def train(samples, bag_index, components, settings, seed, provenance, progress=iter):
+    """``TaskModel`` of ``samples`` (n, 6) from bags ``bag_index`` (n,), and BIC by K.
 
-    ``components`` is a number, or "auto" for the K with the smallest BIC.
+    ``components`` is a number, or "auto" for the K with the smallest BIC. ``progress`` wraps the sequence of K.
+    Raises TaskModelError.
     """
     training = Training(
-        np.asarray(samples, dtype=np.float32), np.asarray(bag_index), np.zeros(len(NAMES)), dict(provenance)
+        np.asarray(samples, dtype=np.float32), np.asarray(bag_index), floors_of(settings), dict(provenance)
     )
     # the file keeps single precision; train on what can be read back
     samples = training.samples.astype(float)
+    counts = [count for count in AUTO_COMPONENTS if count == 1 or len(samples) >= SAMPLES_PER_COMPONENT * count]
     scores = {}
-    for count in candidates(components, len(samples)):
-        model = fit(samples, count, settings, seed, training)
-        scores[count] = bic(model, samples)
-        if scores[count] <= min(scores.values()):
-            best = model
-    return best, scores
+    for count in progress(counts):
+        scores[count] = bic(fit(samples, count, in_short(settings), seed), samples)
+    chosen = min(scores, key=scores.get) if components == "auto" else int(components)
+    model = fit(samples, chosen, settings, seed, training)
+    scores[chosen] = bic(model, samples)
+    return model, dict(sorted(scores.items()))
 
 
-def candidates(components, sample_count):
-    """Numbers of components to try: the given one, or for "auto" all that the samples can bear."""
-    if components != "auto":
-        return [int(components)]
-    return [count for count in AUTO_COMPONENTS if count == 1 or sample_count >= SAMPLES_PER_COMPONENT * count]
+def in_short(settings):
+    """Settings for the many fits that only judge: fewer starts."""
+    return settings.replace(initialisations=min(settings.initialisations, settings.initialisations_in_short))
 
 
 def bic(model, samples):
@@ -138,7 +136,7 @@ def calibrate(samples, bag_index, components, settings, seed, progress=iter):
     within = np.empty((len(samples), 3), bool)
     for bag in progress(bags):
         held = bag_index == bag
-        model = fit(samples[~held], components, settings, seed)
+        model = fit(samples[~held], components, in_short(settings), seed)
         distribution[held] = model.signed_distribution(samples[held, :INPUTS], signed(samples[held]))
         log_density[held] = model.joint_log_density(samples[held])
         within[held] = within_sigma(model, samples[held])
