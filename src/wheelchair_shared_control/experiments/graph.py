@@ -146,6 +146,16 @@ class Graph:
         return self._snapshot
 
     @property
+    def depth(self):
+        """The newest depth image."""
+        return self._depth
+
+    @property
+    def ranges(self):
+        """The newest readings of the rangers."""
+        return self._ranges
+
+    @property
     def decision(self):
         """The navigator's newest decision."""
         return self._decision
