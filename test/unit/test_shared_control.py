@@ -15,7 +15,7 @@ from wheelchair_shared_control.values import STOP, Odometry, Ranges, Twist
 SETTINGS = parameters.load("blender")
 LIMITS = SETTINGS.wheelchair.limits
 TICK = 1.0 / 30.0
-FREE_GROUND = Grid(np.zeros((240, 240), np.int8), 0.025, (-3.0, -3.0), 0.0)
+FREE_GROUND = Grid(np.zeros((120, 120), np.int8), 0.05, (-3.0, -3.0), 0.0)
 MODEL = Prediction(0.0, 0.0, 0.1, 0.1, 0.0)
 CENTRE, AHEAD = Twist(0.0, 0.0), Twist(0.4, 0.0)
 
@@ -336,17 +336,16 @@ class TestHandOver:
 
 def test_the_state_holds_what_entered_the_blend():
     grid = FREE_GROUND._replace(cells=FREE_GROUND.cells.copy())
-    grid.cells[:, 180:184] = 100  # x from 1.5 m: 0.8 m ahead of the front edge, cell centre at 0.8125
+    grid.cells[:, 90:92] = 100  # x from 1.5 m: 0.8 m ahead of the front edge, cell centre at 0.825
     run = Run(guard_on=False)
     run.go(0.5, grid=grid)
     state = run.go(1.0, assistance=ASSISTING, user=Twist(0.2, 0.5), planner=Twist(0.4, 0.2))[-1]
     beta = math.exp(-0.3 / 0.3)
     assert state.beta == pytest.approx(beta) and state.sigma == pytest.approx(0.3)
     assert state.blended == pytest.approx((0.3, 0.2 + beta * 0.3)) and state.sent == pytest.approx(state.blended)
-    # the wall goes on to both sides: its first cell beside the edge is 0.8125 m ahead and 0.0125 m beside
-    side = math.hypot(0.8125, 0.0125)
-    assert (state.d_l, state.d_f, state.d_r, state.v) == pytest.approx((side, 0.8125, side, 0.0), abs=1e-6)
-    assert state.clearance == pytest.approx(0.8125, abs=1e-3)
+    # the wall goes on to both sides: its first cell beside the edge is 0.825 m ahead and 0 to 0.05 m beside
+    assert (state.d_l, state.d_f, state.d_r, state.v) == pytest.approx((0.825, 0.825, 0.825, 0.0), abs=2e-3)
+    assert state.clearance == pytest.approx(0.825, abs=1e-3)
     assert (state.user, state.planner) == ((0.2, 0.5), (0.4, 0.2)) and state.policy == "learned_variance"
 
 
