@@ -10,7 +10,6 @@ from numba import njit
 
 from wheelchair_shared_control.planning.clearance import FAST, clearance, field_gradient
 
-
 NARROW, STRAIGHT, STIFF = 0.15, 0.35, 15.0  # m, m, 1: straight from so far before what is narrow
 STEER = 0.35  # m: within about three of it a deviation from the path is steered out
 
@@ -139,7 +138,8 @@ def _control_cost(steps, prior, weights, w_bends):
 
 
 @njit(**FAST)
-def refine(distance, frame, outline, spine, half_width, reach, middle, weights, start, steps, kinds, targets, iterations):
+def refine(distance, frame, outline, spine, half_width, reach, middle, weights, start, steps, kinds, targets,
+           iterations):
     """Refined steps (n, 2), poses (n + 1, 3) and cost, from pose ``start`` along ``steps`` (n, 2), ``kinds`` (n,).
 
     ``targets`` (n + 1, 3): the poses that the path is held to, the last one the goal.
