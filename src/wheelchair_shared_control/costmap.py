@@ -6,7 +6,7 @@ remembered, unless it was seen only briefly; unknown stays apart from free.
 Costs as in costmap_2d: lethal 254, inscribed 253, unknown 255, else floor(252 exp(-k (d - r_inscribed))).
 """
 import math
-from typing import NamedTuple, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -47,7 +47,8 @@ class CostmapSnapshot(NamedTuple):
 
     ``cost`` uint8, from the distances between cells' centres; ``distance`` float32 [m] from a cell's centre to
     the surface in the nearest lethal cell (finer than a cell, see `costmap_surface`), capped;
-    ``known`` bool: seen or driven over; ``origin`` outer corner of cell [0, 0] in odom [m]; ``stamp`` [s]:
+    ``known`` bool: seen, driven over or presumed; ``presumed`` bool: only taken as free because the chair
+    started there, nobody has looked; ``origin`` outer corner of cell [0, 0] in odom [m]; ``stamp`` [s]:
     oldest of the required sources' newest observations, -inf while one of them has sent nothing.
     """
 
@@ -57,6 +58,7 @@ class CostmapSnapshot(NamedTuple):
     resolution: float
     origin: Tuple[float, float]
     stamp: float
+    presumed: Optional[np.ndarray] = None
 
 
 def to_grid(snapshot):
@@ -287,7 +289,8 @@ class Costmap:
               s.cost_scaling_factor, s.track_unknown_space, cost)
         measure_to_surface(distance, self._nearest, self._boxes, self.resolution, s.inflation_radius)
         stamp = min((self.newest.get(name, -math.inf) for name in self._required), default=float(now))
-        return CostmapSnapshot(cost, distance, self._known.astype(bool), self.resolution, self.origin, stamp)
+        return CostmapSnapshot(cost, distance, self._known.astype(bool), self.resolution, self.origin, stamp,
+                               self._known == PRESUMED)
 
     # --- inside ------------------------------------------------------------------------------------------
 

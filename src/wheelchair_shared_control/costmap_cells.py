@@ -215,7 +215,7 @@ def _noise_of_what_is_behind(hits, row, column, dx, dy, distance, resolution):
         c_0 = column + int(np.round(step * dx / distance))
         for r in range(max(r_0 - 1, 0), min(r_0 + 2, hits.shape[0])):
             for c in range(max(c_0 - 1, 0), min(c_0 + 2, hits.shape[1])):
-                if few < 0.1 * hits[r, c]:
+                if few < 0.2 * hits[r, c]:
                     return True
     return False
 

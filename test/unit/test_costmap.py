@@ -232,6 +232,8 @@ def test_at_the_start_only_the_ground_about_the_chair_is_known():
     assert chair.known(1.08, 0.70) and chair.known(-0.72, -0.70)  # 0.70 + 0.4, 0.325 + 0.4, 0.35 + 0.4
     assert not chair.known(1.12, 0.0) and not chair.known(0.0, 0.74) and not chair.known(-0.77, 0.0)
     assert chair.cost(1.5, 0.0) == 255 and chair.cost(0.0, 0.0) == 0
+    # of the 1.85 x 1.45 m that are taken as free, the chair stands on 1.05 x 0.65 m
+    assert chair.snapshot.presumed.sum() == pytest.approx((1.85 * 1.45 - 1.05 * 0.65) / 0.025 ** 2, rel=0.03)
     assert math.isinf(chair.snapshot.stamp)
 
 
