@@ -14,7 +14,7 @@ GREY = (0.55, 0.55, 0.55, 0.6)
 GUARD_COLOURS = {SLOWED: (0.98, 0.75, 0.1, 1.0), STOPPED: (0.9, 0.1, 0.1, 1.0), DEGRADED: (0.7, 0.2, 0.8, 1.0)}
 HORIZON = 1.5  # s: length of an arrow over its speed
 LEAST = 0.25  # m: an arrow that only turns is drawn this long
-HEIGHT = 0.05  # m above the floor, over the costmap
+HEIGHT = 0.15  # m above the floor, over the costmap and the plans
 BAR = 0.6  # m: length of the full share bar
 
 
@@ -74,18 +74,17 @@ def _triangle(state, front):
 
 
 def _share_bar(state, footprint):
-    """A bar beside the chair: blue is the user's weight, green the planner's."""
+    """A bar above the chair, left to right: blue is the user's weight, green the planner's."""
     names = ("share_user", "share_planner", "share_text")
     if state.beta is None or not math.isfinite(state.beta):
         return [Shape(name, CUBE, (), (0.0, 0.0, 0.0), GREY) for name in names]
-    x0, y = footprint.rear + 0.2, footprint.half_width + 0.25
+    x, left, height = 0.5 * (footprint.front + footprint.rear), 0.5 * BAR, 1.5
     beta = min(max(state.beta, 0.0), 1.0)
     user, planner = max(BAR * beta, 1e-3), max(BAR * (1.0 - beta), 1e-3)
     return [
-        Shape(names[0], CUBE, ((x0 + 0.5 * user, y, 0.1),), (user, 0.1, 0.1), USER),
-        Shape(names[1], CUBE, ((x0 + user + 0.5 * planner, y, 0.1),), (planner, 0.1, 0.1), PLANNER),
-        Shape(names[2], TEXT, ((x0 + 0.5 * BAR, y + 0.2, 0.1),), (0.0, 0.0, 0.13), USER,
-              "user %.0f %%" % (100.0 * beta)),
+        Shape(names[0], CUBE, ((x, left - 0.5 * user, height),), (0.1, user, 0.1), USER),
+        Shape(names[1], CUBE, ((x, left - user - 0.5 * planner, height),), (0.1, planner, 0.1), PLANNER),
+        Shape(names[2], TEXT, ((x, 0.0, height + 0.2),), (0.0, 0.0, 0.15), USER, "user %.0f %%" % (100.0 * beta)),
     ]
 
 
@@ -97,5 +96,5 @@ def _guard(state, footprint):
     sphere = Shape("guard", SPHERE, (), (0.12, 0.12, 0.12), colour, odom=True)
     if point is not None:
         sphere = sphere._replace(points=((float(point[0]), float(point[1]), 0.3),))
-    text = Shape("guard_text", TEXT, ((0.0, 0.0, 1.5),), (0.0, 0.0, 0.14), colour, state.reason)
+    text = Shape("guard_text", TEXT, ((0.0, 0.0, 2.0),), (0.0, 0.0, 0.14), colour, state.reason)
     return [sphere, text]
