@@ -8,7 +8,8 @@ from typing import NamedTuple, Tuple
 import numpy as np
 import open3d as o3d
 
-from wheelchair_shared_control import doorway_gaps, doorway_ground, doorway_jambs, doorway_rays, doorway_volume
+from wheelchair_shared_control import doorway_gaps, doorway_ground, doorway_jambs, doorway_narrows
+from wheelchair_shared_control import doorway_rays, doorway_volume
 from wheelchair_shared_control import doorway_walls
 from wheelchair_shared_control.camera import Camera
 from wheelchair_shared_control.camera import base_from_camera as base_from_camera_of
@@ -124,6 +125,12 @@ def _detect(rays, few, ground, settings, stamp):
                 gaps.append(result)
             if doorway is not None:
                 found.append(doorway)
+    for pair in doorway_narrows.find(rays, settings):
+        doorway, result = _narrow(rays, pair, gaps, found, settings, stamp)
+        if result is not None:
+            gaps.append(result)
+        if doorway is not None:
+            found.append(doorway)
     doorways = _distinct(found)
     return Detection(tuple(doorways), tuple(walls), tuple(gaps), "" if doorways else _why(walls, gaps), ground)
 
@@ -135,10 +142,16 @@ def _examine(rays, line, gap, settings, stamp):
     def at(left, right):
         return line.origin + np.outer((left, right), line.along)
 
-    if not (np.isfinite(gap.left) and np.isfinite(gap.right)):
-        ends = at(*[edge if np.isfinite(edge) else other for edge, other in
-                    ((gap.left, gap.right - 0.8), (gap.right, gap.left + 0.8))])
-        return None, (FoundGap(ends, "one jamb only") if np.isfinite(ends).all() else None)
+    if not (np.isfinite(gap.left) or np.isfinite(gap.right)):
+        return None, None
+    if not np.isfinite(gap.left + gap.right):
+        known = gap.left if np.isfinite(gap.left) else gap.right
+        side = 1.0 if np.isfinite(gap.left) else -1.0
+        other = _other_jamb(rays, line, known, side, settings)
+        if other is None:
+            return None, FoundGap(at(*sorted((known, known + 0.8 * side))), "one jamb only")
+        left, right = sorted((known, other))
+        gap = gap._replace(left=left, right=right)
     width = gap.right - gap.left
     if width < door.min_width - scan.slack or width > door.max_width + scan.slack:
         return None, FoundGap(at(gap.left, gap.right), "%.2f m wide" % width)
@@ -172,6 +185,41 @@ def _examine(rays, line, gap, settings, stamp):
     doorway = Doorway(np.array([middle[0], middle[1], yaw]), float(right - left), verdict.confidence, ends,
                       covariance, stamp)
     return doorway, FoundGap(at(left, right), "")
+
+
+def _narrow(rays, pair, gaps, found, settings, stamp):
+    """A pair of points a door's width apart, unless the walls have told about that place already."""
+    middle = pair.mean(axis=0)
+    told = [gap for gap in gaps if not gap.reason.startswith("one jamb") and " m wide" not in gap.reason]
+    near_told = any(np.hypot(*(gap.ends.mean(axis=0) - middle)) < 0.5 for gap in told)
+    if near_told or any(np.hypot(*(doorway.pose[:2] - middle)) < 0.6 for doorway in found):
+        return None, None
+    line = doorway_rays.line_from_points(pair[0], pair[1], rays.origin[:2])
+    if (line.origin - rays.origin[:2]) @ line.normal < settings.wall.min_distance:
+        return None, None
+    left, right = np.sort((pair - line.origin) @ line.along)
+    near = doorway_rays.near(rays, line, settings, left - 0.6, right + 0.6)
+    ends = line.origin + np.outer((left, right), line.along)
+    jambs = doorway_jambs.Jambs(float(left), float(right), float(left), float(right), 0.0, False, 0.02)
+    verdict = doorway_volume.judge(near, jambs, settings)
+    if verdict.reason:
+        return None, FoundGap(ends, verdict.reason)
+    covariance = _covariance(line, jambs, settings.narrow.angle_sigma, 0.03, settings)
+    pose = np.append(middle, np.arctan2(line.normal[1], line.normal[0]))
+    return Doorway(pose, float(right - left), 0.8 * verdict.confidence, ends, covariance, stamp), FoundGap(ends, "")
+
+
+def _other_jamb(rays, line, known, side, settings):
+    """Where the wall does not go on beyond a gap: the nearest thing as tall beside its plane (a wall along the way,
+    the end of a partition), or None. ``known`` is the jamb in the wall, ``side`` 1 if the gap lies at larger s."""
+    door = settings.door
+    reach = door.max_width + settings.gap.slack
+    near = doorway_rays.near(rays, line, settings, *sorted((known, known + side * reach)))
+    away = side * (near.s - known)
+    tall = (near.z > settings.volume.tall) & doorway_jambs.beside_plane(near, settings) & (away > 0.3) & (away < reach)
+    if tall.sum() < 2 * settings.jamb.min_reveal:
+        return None
+    return float(known + side * np.percentile(away[tall], 3))
 
 
 def _covariance(line, jambs, angle_sigma, offset_sigma, settings):
