@@ -195,22 +195,31 @@ class Tremor:
 
 
 class Switches:
-    """Four on / off directions in place of a stick: forward, back, left, right; on above half, off below a fifth."""
+    """Four on / off directions in place of a stick: forward, back, left, right, tapped so that their mean is right.
+
+    Each axis keeps account of the motion it still owes, and is switched on when that is worth one shortest tap.
+    """
 
     def __init__(self, settings, rng):
         self._full = (settings.switch.speed, settings.switch.turn)
         self._dwell = settings.switch.dwell
-        self._on, self._changed = [0.0, 0.0], [-np.inf, -np.inf]
+        self._on, self._changed, self._owed, self._last = [0.0, 0.0], [-np.inf, -np.inf], [0.0, 0.0], None
 
     def __call__(self, now, command):
+        dt = 0.0 if self._last is None else max(0.0, now - self._last)
+        self._last = now
         for axis, wanted in enumerate(command):
-            share = wanted / self._full[axis]
-            if abs(share) > 0.5:
-                on = float(np.sign(share))
-            elif abs(share) < 0.2:
-                on = 0.0
+            full = self._full[axis]
+            tap = full * self._dwell
+            owed = self._owed[axis] + (wanted - self._on[axis] * full) * dt
+            # What was not done in time is forgotten: the eye sees where the chair is.
+            self._owed[axis] = float(np.clip(owed, -2.0 * tap, 2.0 * tap))
+            if abs(wanted) < 0.02:
+                on, self._owed[axis] = 0.0, 0.0
+            elif abs(self._owed[axis]) >= tap:
+                on = float(np.sign(self._owed[axis]))
             else:
-                on = self._on[axis] if self._on[axis] * share > 0.0 else 0.0
+                on = self._on[axis] if self._on[axis] * self._owed[axis] > 0.0 else 0.0
             if on != self._on[axis] and now - self._changed[axis] >= self._dwell:
                 self._on[axis], self._changed[axis] = on, now
         return Twist(self._on[0] * self._full[0], self._on[1] * self._full[1])
