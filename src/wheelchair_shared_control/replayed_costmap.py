@@ -16,6 +16,7 @@ MAIN_SOURCES = ("depth", "points", "scan")
 DATA_TYPES = {"depth": "Image", "points": "PointCloud2", "scan": "LaserScan", "ranges": "Range"}
 # our chair's laser, where a bag does not say how high it sits [m]
 SCAN_HEIGHT = 0.3
+LOOK_AHEAD = 2.0  # s
 OLDEST_READING = 0.5  # s; a set of range readings may hold older ones no longer
 
 
@@ -32,6 +33,7 @@ def features(bag, topics, odometry, base_frame, navigation=None, rate=10.0):
         wanted = ", ".join("%s '%s'" % (name, topics[name]) for name in MAIN_SOURCES)
         raise BagError("%s: neither recorded features nor sensors: looked for %s" % (bag.path, wanted))
     replay = _Replay(topics, names[0], odometry, base_frame, navigation, rate)
+    replay.look_ahead(bag)
     wanted = [topics[name] for name in names + ["camera_info", "tf", "tf_static"]]
     wanted += [topics["ranges"] + "/" + name for name in RANGERS]
     for topic, _, _, message in bag.messages(wanted):
@@ -49,6 +51,7 @@ class _Replay:
         self._footprint = footprint.from_settings(settings.wheelchair)
         self._odometry = odometry
         self._yaw = np.unwrap(odometry[:, 3])
+        self._topics = topics
         self._main, self._interval, self._last = main, 0.9 / rate, -np.inf
         self._frames = Transforms(base_frame)
         self._camera, self._scaled = None, None
@@ -59,6 +62,16 @@ class _Replay:
                           topics["tf"]: self._frames.insert, topics["tf_static"]: self._frames.insert}
         for index, name in enumerate(RANGERS):
             self._handlers[topics["ranges"] + "/" + name] = lambda message, index=index: self._range(message, index)
+
+    def look_ahead(self, bag):
+        """Intrinsics and mountings are told once or now and then; the first looks need them already."""
+        for names in (("camera_info",), ("tf_static",), ("tf",)):
+            first = None
+            for topic, _, time, message in bag.messages([self._topics[name] for name in names]):
+                first = time if first is None else first
+                if time - first > LOOK_AHEAD:
+                    break
+                self.insert(topic, message)
 
     def insert(self, topic, message):
         try:

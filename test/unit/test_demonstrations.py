@@ -1,0 +1,297 @@
+"""Bags to samples: what is taken, what is left out and counted, and bags that cannot be read."""
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from wheelchair_shared_control import bags, demonstration_recorder, demonstrations, parameters
+from wheelchair_shared_control.bags import BagError
+
+ROOT = Path(__file__).resolve().parents[2]
+LASER_BAG = ROOT.parent / "shared" / "data" / "laser_bag" / "subset.bag"
+SETTINGS = parameters.load("demonstrations")
+STATE = "wheelchair_shared_control/msg/BlendState"
+STORE = get_typestore(Stores.ROS1_NOETIC)
+STORE.register(get_types_from_msg(parameters.package_file("msg/BlendState.msg").read_text(), STATE))
+STORE.register(get_types_from_msg(
+    "std_msgs/Header header\nuint8 state", "wheelchair_shared_control/msg/AssistanceState"))
+
+
+def kind(package, name):
+    return STORE.types["%s/msg/%s" % (package, name)]
+
+
+def header(stamp, frame="odom"):
+    time = kind("builtin_interfaces", "Time")(*divmod(int(round(stamp * 1e9)), 10**9))
+    return kind("std_msgs", "Header")(seq=0, stamp=time, frame_id=frame)
+
+
+def vector(x=0.0, y=0.0, z=0.0):
+    return kind("geometry_msgs", "Vector3")(x, y, z)
+
+
+def twist(v, w):
+    return kind("geometry_msgs", "Twist")(vector(float(v)), vector(z=float(w)))
+
+
+def odometry(stamp, v, w):
+    pose = kind("geometry_msgs", "Pose")(
+        kind("geometry_msgs", "Point")(v * stamp, 0.0, 0.0), kind("geometry_msgs", "Quaternion")(0.0, 0.0, 0.0, 1.0))
+    return kind("nav_msgs", "Odometry")(
+        header(stamp), "base_link", kind("geometry_msgs", "PoseWithCovariance")(pose, np.zeros(36)),
+        kind("geometry_msgs", "TwistWithCovariance")(twist(v, w), np.zeros(36)))
+
+
+def state(stamp, features=(0.5, 2.0, 0.7)):
+    nothing, nan = twist(np.nan, np.nan), np.nan
+    d_l, d_f, d_r = (float(value) for value in features)
+    return kind("wheelchair_shared_control", "BlendState")(
+        header=header(stamp), user=nothing, planner=nothing, blended=nothing, sent=nothing, d_l=d_l, d_f=d_f, d_r=d_r,
+        v=nan, mean_l=nan, mean_r=nan, sigma_l=nan, sigma_r=nan, sigma=nan, beta=nan, log_density=nan, clearance=nan,
+        guard=0, policy="user", reason="")
+
+
+def write(path, messages, compression=None):
+    """A bag of ``messages``: (topic, time [s], message)."""
+    writer, connections = Writer(path), {}
+    if compression is not None:
+        writer.set_compression(compression)
+    with writer:
+        for topic, time, message in sorted(messages, key=lambda entry: entry[1]):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, message.__msgtype__, typestore=STORE)
+            raw = STORE.serialize_ros1(message, message.__msgtype__)
+            writer.write(connections[topic], int(round(time * 1e9)), bytes(raw))
+    return path
+
+
+def driving(seconds=5.0, v=0.3, w=-0.2, user=True, sent=True, moment=10.0, begin=100.0):
+    """Messages of a chair that drives as its person asks: odometry and commands at 20 Hz, states at ``moment`` Hz."""
+    messages = []
+    for index in range(int(seconds * 20)):
+        stamp = begin + index / 20.0
+        messages.append(("/odom", stamp, odometry(stamp, v, w)))
+        if user:
+            messages.append(("/user/cmd_vel", stamp, twist(v, w)))
+        if sent:
+            messages.append(("/cmd_vel", stamp, twist(v, w)))
+    for index in range(int((seconds - 0.1) * moment)):
+        stamp = begin + index / moment
+        messages.append(("/blender/state", stamp, state(stamp)))
+    return messages
+
+
+def read(path, **options):
+    return demonstrations.read(path, SETTINGS, **options)
+
+
+def test_samples_are_the_recorded_distances_and_the_measured_speeds(tmp_path):
+    found = read(write(tmp_path / "a.bag", driving()))
+    assert found.source == "recorded" and len(found.samples) == 49  # 4.9 s at 10 Hz
+    # w = -0.2 turns right: w_l 0, w_r 0.2
+    np.testing.assert_allclose(found.samples, np.tile([0.5, 2.0, 0.7, 0.3, 0.0, 0.2], (49, 1)))
+    assert sum(found.left_out.values()) == 0 and found.notes == ()
+
+
+def test_speeds_are_interpolated_at_the_features_stamp(tmp_path):
+    # speed grows by 0.1 m/s a second; odometry 30 ms off the states
+    messages = [("/odom", 100 + t, odometry(100 + t, 0.1 * t, 0.0)) for t in np.arange(0.03, 5, 0.1)]
+    messages += [("/blender/state", 100 + t, state(100 + t)) for t in np.arange(1.0, 4.0, 0.1)]
+    found = read(write(tmp_path / "a.bag", messages))
+    np.testing.assert_allclose(found.samples[:, 3], 0.1 * (found.stamps - 100), atol=1e-6)
+    assert "every motion counts" in found.notes[0]
+
+
+@pytest.mark.parametrize("compression", [None, Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4])
+def test_compressed_bags(tmp_path, compression):
+    assert len(read(write(tmp_path / "a.bag", driving(), compression)).samples) == 49
+
+
+def test_renamed_topics(tmp_path):
+    messages = [(topic.replace("/odom", "/base/odometry"), time, message) for topic, time, message in driving()]
+    path = write(tmp_path / "a.bag", messages)
+    with pytest.raises(BagError, match="no odometry on topic 'odom' .topics: base/odometry, blender/state"):
+        read(path)
+    assert len(read(path, topics=demonstrations.topic_names(["odometry=/base/odometry"])).samples) == 49
+
+
+@pytest.mark.parametrize("text", ["odom", "wheel=/odom", "odom="])
+def test_renamings_that_say_nothing(text):
+    with pytest.raises(BagError, match="--topic " + text):
+        demonstrations.topic_names([text])
+
+
+def left_out(path, **expected):
+    found = read(path)
+    assert {rule: count for rule, count in found.left_out.items() if count} == expected
+    return found
+
+
+def test_a_standing_chair_is_left_out(tmp_path):
+    assert len(left_out(write(tmp_path / "a.bag", driving(v=0.0, w=0.0)), standing=49).samples) == 0
+
+
+def test_turning_on_the_spot_is_kept_and_reversing_is_not(tmp_path):
+    assert len(left_out(write(tmp_path / "a.bag", driving(v=0.0, w=0.4))).samples) == 49
+    assert len(left_out(write(tmp_path / "b.bag", driving(v=-0.2, w=0.0)), reversing=49).samples) == 0
+
+
+def test_another_hand_on_the_wheels_is_left_out(tmp_path):
+    # the person pushes straight ahead, the wheels get a turn
+    messages = [(topic, time, twist(0.3, 0.5) if topic == "/cmd_vel" else message) for topic, time, message in driving(w=0.0)]
+    left_out(write(tmp_path / "a.bag", messages), not_the_user=49)
+
+
+def test_limits_of_acceleration_are_no_other_hand(tmp_path):
+    # the person pulls from 0.5 to -0.5 rad/s at once; the wheels follow at 0.8 rad/s2: 1.25 s
+    messages = []
+    for index in range(100):
+        t = index / 20.0
+        asked, sent = (0.5, 0.5) if t < 2.0 else (-0.5, max(-0.5, 0.5 - 0.8 * (t - 2.0)))
+        messages += [("/user/cmd_vel", 100 + t, twist(0.3, asked)), ("/cmd_vel", 100 + t, twist(0.3, sent)),
+                     ("/odom", 100 + t, odometry(100 + t, 0.3, sent))]
+    messages += [("/blender/state", 100 + t, state(100 + t)) for t in np.arange(0.0, 4.9, 0.1)]
+    left_out(write(tmp_path / "a.bag", messages))
+
+
+def test_a_pushed_chair_is_left_out(tmp_path):
+    messages = [(topic, time, twist(0, 0) if "cmd_vel" in topic else message) for topic, time, message in driving()]
+    left_out(write(tmp_path / "a.bag", messages), not_commanded=49)
+
+
+def test_missing_commands_are_said(tmp_path):
+    found = left_out(write(tmp_path / "a.bag", driving(user=False, sent=False)))
+    assert len(found.samples) == 49 and "no commands on 'cmd_vel'" in found.notes[0]
+
+
+def test_assisted_driving_is_left_out(tmp_path):
+    message = kind("wheelchair_shared_control", "AssistanceState")
+    messages = driving() + [("/assistance", 102.0, message(header(102.0), 2)), ("/assistance", 103.0, message(header(103.0), 0))]
+    left_out(write(tmp_path / "a.bag", messages), assisted=10)  # one second at 10 Hz
+
+
+def test_a_gap_in_the_odometry_is_left_out(tmp_path):
+    messages = [entry for entry in driving() if not (entry[0] == "/odom" and 101.975 < entry[1] < 102.975)]
+    # the message before the gap is that of 101.95, the one after it of 103.0: states from 102.0 to 102.9 lie in it
+    left_out(write(tmp_path / "a.bag", messages), unaligned=10)
+
+
+def test_distances_that_are_none_are_left_out(tmp_path):
+    messages = [entry for entry in driving() if entry[0] != "/blender/state"]
+    for index, bad in enumerate(((np.nan, 1, 1), (1, -1, 1), (1, 1, np.inf))):
+        messages.append(("/blender/state", 101.0 + index, state(101.0 + index, bad)))
+    assert len(left_out(write(tmp_path / "a.bag", messages), impossible=3).samples) == 0
+
+
+def test_states_faster_than_the_rate_are_thinned(tmp_path):
+    found = read(write(tmp_path / "a.bag", driving(moment=50.0)))
+    assert 45 <= len(found.samples) <= 50 and found.left_out["too_close"] == 245 - len(found.samples)
+
+
+def test_a_second_clock_is_noticed(tmp_path):
+    # recorded at times 1000 s after the stamps: the commands, which carry no stamp, are moved back
+    messages = [(topic, time + 1000.0, message) for topic, time, message in driving()]
+    found = left_out(write(tmp_path / "a.bag", messages))
+    assert len(found.samples) == 49 and "-1000.0 s" in found.notes[0]
+
+
+def test_bags_that_cannot_be_read_say_why(tmp_path):
+    good = write(tmp_path / "good.bag", driving()).read_bytes()
+    cases = {
+        "empty.bag": (b"", "is empty"),
+        "text.bag": (b"hello\n" * 100, "is no bag"),
+        "old.bag": (b"#ROSBAG V1.2\n" + good[13:], "bag format 1.2"),
+        "cut.bag": (good[: len(good) // 2], "cut short|damaged"),
+        "unindexed.bag": (good.replace(b"index_pos=" + good.split(b"index_pos=")[1][:8], b"index_pos=" + bytes(8)), "no index"),
+        "header.bag": (good[:13], "damaged|could not|Could not|read"),
+    }
+    for name, (content, message) in cases.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(BagError, match=message) as caught:
+            read(tmp_path / name)
+        assert str(tmp_path / name) in str(caught.value) and "\n" not in str(caught.value)
+    with pytest.raises(BagError, match="no such file"):
+        read(tmp_path / "none.bag")
+    with pytest.raises(BagError, match="no ROS 2 bag"):
+        read(tmp_path)
+    with pytest.raises(BagError, match="holds no messages"):
+        read(write(tmp_path / "nothing.bag", []))
+
+
+def test_damaged_bags_give_a_result_or_one_line(tmp_path):
+    good = write(tmp_path / "good.bag", driving(2.0)).read_bytes()
+    rng = np.random.default_rng(0)
+    for index in range(60):
+        broken = bytearray(good)
+        for place in rng.integers(len(broken), size=5):
+            broken[place] = rng.integers(256)
+        path = tmp_path / ("%d.bag" % index)
+        path.write_bytes(bytes(broken[: rng.integers(len(broken) // 2, len(broken))] if index % 2 else broken))
+        try:
+            assert np.isfinite(read(path).samples).all()
+        except BagError as error:
+            assert "\n" not in str(error)
+
+
+def test_the_library_s_bare_assertion_becomes_a_line(tmp_path, monkeypatch):
+    path = write(tmp_path / "a.bag", driving())
+
+    def fail(self):
+        raise AssertionError
+
+    monkeypatch.setattr(bags.Reader, "open", fail)
+    with pytest.raises(BagError, match="damaged or not as rosbags expects it .AssertionError.$"):
+        read(path)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Three seconds of a teacher in the hallway, recorded twice."""
+    settings = parameters.load("teachers").replace(longest=5.0)
+    folder = tmp_path_factory.mktemp("recorded")
+    for name in ("one.bag", "two.bag"):
+        demonstration_recorder.record("paper", "hallway", 1, 3, folder / name, settings)
+    return folder
+
+
+def test_equal_seeds_give_equal_bags(recorded):
+    assert (recorded / "one.bag").read_bytes() == (recorded / "two.bag").read_bytes()
+
+
+def test_features_recomputed_from_raw_sensors_are_the_recorded_ones(recorded):
+    as_recorded, again = read(recorded / "one.bag", source="recorded"), read(recorded / "one.bag", source="raw")
+    assert as_recorded.source == "recorded" and again.source == "raw" and again.notes == ()
+    assert len(as_recorded.samples) > 30
+    common = np.isin(np.round(as_recorded.stamps, 3), np.round(again.stamps, 3))
+    assert common.mean() > 0.9
+    match = np.searchsorted(again.stamps, as_recorded.stamps[common] - 1e-6)
+    # the chair's pose is rounded in no message: the same costmap, up to the order of the range readings
+    difference = np.abs(again.samples[match] - as_recorded.samples[common])
+    assert np.median(difference) == 0.0 and (difference[:, :3] < 0.03).mean() > 0.98
+
+
+def train(*arguments):
+    return subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "train")] + [str(argument) for argument in arguments],
+        capture_output=True, text=True, timeout=60, env={"PYTHONPATH": str(ROOT / "src"), "PATH": "/usr/bin:/bin"},
+    )
+
+
+def test_train_writes_no_model_of_bags_that_say_nothing(tmp_path):
+    (tmp_path / "bad.bag").write_bytes(b"#ROSBAG V2.0\nrubbish")
+    done = train(tmp_path / "bad.bag", "--output", tmp_path / "model.npz")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 2  # the bag's line, and that no model is written
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.bag"]
+
+
+@pytest.mark.skipif(not LASER_BAG.exists(), reason="../shared/data/laser_bag is not here")
+def test_a_real_bag_with_a_laser(tmp_path):
+    found = read(LASER_BAG)
+    assert found.source == "raw" and len(found.samples) > 150
+    assert (found.samples[:, :3] >= 0).all() and (found.samples[:, :3] <= 2).all()
+    assert np.median(found.samples[:, 3]) == pytest.approx(0.2, abs=0.01)  # it drove at 0.2 m/s
