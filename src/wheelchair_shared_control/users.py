@@ -2,6 +2,16 @@
 
 A user is a list of steps (behaviour, until when) and a hand; the named ones are rows of ``SCRIPTS``, others come
 from a YAML file. ``make`` gives a ``User``; ``User.update`` is asked about 20 times a second.
+
+A file holds ``steps`` and, where wanted, ``settings`` that differ from config/users.yaml::
+
+    settings: {drive/cruise: 0.3}
+    steps:
+    - {do: goal_directed, distance: 1.0, hand: tremor}  # until base_link is 1.0 m before the plane
+    - {do: push, v: 0.2, w: -0.5, seconds: 2.0}         # m/s, rad/s
+    - {do: hold}                                        # as the stick was; the last step has no end
+
+``do`` is a key of ``BEHAVIOURS`` (goal_directed, push, hold, away, random), ``hand`` of ``HANDS`` (tremor, switch).
 """
 from typing import NamedTuple, Optional
 
