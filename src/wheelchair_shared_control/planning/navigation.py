@@ -71,7 +71,7 @@ class Navigator:
 
     def _forget(self):
         self.goal = None
-        self._path, self._step = None, 0
+        self._path, self._step, self._path_goal = None, 0, None
         self._searched_at = -np.inf
         self._since_legal = self._since_path = None
         self._recovered = False
@@ -86,8 +86,12 @@ class Navigator:
         goal = np.asarray(goal_odom, dtype=float)
         if goal.shape != (3,) or not np.all(np.isfinite(goal)):
             raise ValueError("a goal is three finite numbers x, y, yaw")
+        under_way = (self._path, self._step, self._path_goal) if self.status == ACTIVE else (None, 0, None)
         self._forget()
         self.goal = goal
+        # The way to the old goal is driven on until there is one to the new.
+        self._path, self._step, self._path_goal = under_way
+        self._looks = self._path is None
         self.status, self.reason, self._zero_due = ACTIVE, "", False
 
     def cancel(self, now):
@@ -279,6 +283,7 @@ class Navigator:
         costmap and pose, but never the bent one further, which would wander.
         """
         way, blocked = None, True
+        outdated = self._path_goal is not None and not np.array_equal(self._path_goal, self.goal)
         if self._path is not None:
             way, deviation, turned = self._remaining(field, anchor)
             blocked = (self.planner.blocked(way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
@@ -292,11 +297,10 @@ class Navigator:
             if done is not None:
                 self._searching = False
                 new, self._no_path = done
-                if new is None:
-                    if blocked:
-                        self._path = way = None
-                else:
-                    way, blocked = self._better(field, anchor, new, way, blocked)
+                if new is not None:
+                    way, blocked = self._better(field, anchor, new, way, blocked or outdated)
+                elif blocked or outdated:
+                    self._path = way = None
         if way is None:
             return None, self._no_path or "looking for a path"
         self._since_path = None
@@ -304,15 +308,15 @@ class Navigator:
 
     def _better(self, field, anchor, new, way, blocked):
         """The new path, or the one that is driven where the new one is not clearly better."""
-        old_path, old_step = self._path, self._step
-        self._path, self._step = new, 0
+        old = self._path, self._step, self._path_goal
+        self._path, self._step, self._path_goal = new, 0, self.goal
         new_way, deviation, turned = self._remaining(field, anchor)
         new_blocked = self.planner.blocked(new_way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
         old_price = np.inf if blocked else self.planner.price(field, anchor, way.steps, way.kinds)
         new_price = self.planner.price(field, anchor, new_way.steps, new_way.kinds)
         if new_price < 0.85 * old_price - 0.5 and not (new_blocked and not blocked):
             return new_way, new_blocked
-        self._path, self._step = old_path, old_step
+        self._path, self._step, self._path_goal = old
         return way, blocked
 
     def _remaining(self, field, anchor):
@@ -325,7 +329,7 @@ class Navigator:
         steps[0] *= 1.0 - part
         steps, kinds = resampled(steps, path.kinds[step:])
         targets = rolled(on_path, steps)
-        targets[-1] = self.planner._inside(field, self.goal)
+        targets[-1] = self.planner._inside(field, self._path_goal)
         way = self.planner.refine(field, anchor, steps, kinds, targets, 6)
         return way, np.hypot(*(anchor[:2] - on_path[:2])), abs(se2.wrap_angle(anchor[2] - on_path[2]))
 
