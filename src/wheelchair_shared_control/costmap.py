@@ -224,7 +224,7 @@ class Costmap:
         x, y, yaw = self._pose(odom_from_sensor)
         valid = np.isfinite(ranges) & (ranges > 0.0) & (ranges <= range_max)
         free = np.isposinf(ranges) & settings.inf_is_valid
-        rays = np.zeros((ranges.size, 6))
+        rays = np.zeros((ranges.size, 7))
         rays[:, 0], rays[:, 1], rays[:, 2] = x, y, yaw + angles
         rays[:, 3] = np.where(free, min(range_max, settings.raytrace_range), np.where(
             valid, np.minimum(ranges - self.resolution, settings.raytrace_range), 0.0))
@@ -259,19 +259,20 @@ class Costmap:
             direction = pose[2] + left * math.pi / 2.0
             if value == -math.inf:
                 # nearer than the sensor can tell: at the side edge, clears nothing
-                rays.append((origin[0], origin[1], direction, 0.0, r.inset + 0.6 * self.resolution, 1.0))
+                rays.append((origin[0], origin[1], direction, 0.0, r.inset + 0.6 * self.resolution, 1.0, 0.0))
                 continue
             hit = value if r.min_range <= value <= min(r.max_range, settings.obstacle_range) else math.nan
             clear = min(value - 1.5 * self.resolution, settings.raytrace_range, r.max_range)
             reach = min(value, r.max_range)
+            # what returned lies somewhere on the arc: certain only where the arc is about a cell
+            narrow = r.field_of_view * value < 2.0 * self.resolution
             n = max(int(r.field_of_view * reach / self.resolution), 1) if clear > 0.0 else 1
             for k in sorted(range(-n, n + 1), key=abs):  # the middle first: a cell takes its first weight
                 offset = 0.5 * r.field_of_view * k / n
-                # what returned lies somewhere on the arc: certain only where the arc is about a cell
-                weight = 1.0 if k == 0 else (0.5 if r.field_of_view * value < 2.5 * self.resolution else 0.0)
+                weight = 1.0 if k == 0 else (0.5 if narrow else 0.0)
                 rays.append((origin[0], origin[1], direction + offset, max(clear, 0.0),
-                             hit if weight > 0.0 else math.nan, weight))
-        self._trace(np.array(rays).reshape(-1, 6), r.z, settings, source, ranges.stamp)
+                             hit if weight > 0.0 else math.nan, weight, not narrow))
+        self._trace(np.array(rays, dtype=float).reshape(-1, 7), r.z, settings, source, ranges.stamp)
         return True
 
     def update(self, pose, now):

@@ -10,8 +10,9 @@ def trace(odds, mask, places, known, seen, last, touched, own, rays, origin, res
           hit, miss, odds_min, odds_max, stamp, dt):
     """Mark the ends of ``rays``, then clear along them.
 
-    ``rays`` (n, 6): x, y of the origin in odom, direction [rad], length up to which the ray clears [m],
-    distance of the hit [m] (NaN: none), weight of the hit. ``band``: height of the sensor as a bit's number
+    ``rays`` (n, 7): x, y of the origin in odom, direction [rad], length up to which the ray clears [m],
+    distance of the hit [m] (NaN: none), weight of the hit, 1 if its direction is doubtful: such a hit marks no
+    ground that was seen free. ``band``: height of the sensor as a bit's number
     (-1: out of the bands, nothing is cleared). ``touched`` (rows, columns) uint8 is scratch, zero on entry.
     """
     rows, columns = odds.shape
@@ -26,6 +27,8 @@ def trace(odds, mask, places, known, seen, last, touched, own, rays, origin, res
             row_4 = int(np.floor(4.0 * (rays[i, 1] + distance * np.sin(rays[i, 2]) - origin[1]) / resolution))
             column, row = column_4 >> 2, row_4 >> 2
             if not (0 <= row < rows and 0 <= column < columns) or own[row, column]:
+                continue
+            if rays[i, 6] and known[row, column] == SEEN and mask[row, column] == 0:
                 continue
             place = np.uint16(1 << ((column_4 & 3) | (row_4 & 3) << 2))
             if touched[row, column] == 1:

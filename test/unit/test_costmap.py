@@ -391,6 +391,18 @@ def test_rangers_watch_the_sides():
     assert chair.lethal(0.5, 0.7, 0.5, 0.7) == 0
 
 
+def test_a_far_reading_does_not_mark_ground_that_the_camera_saw_free():
+    # at 0.9 m the cone is 9 cm wide: what returned, perhaps a jamb, need not stand in its middle
+    chair = Chair(floor()).look(times=3)
+    turned = np.array([2.06, -1.0, 0.0])
+    for k in range(5):
+        chair.map.move_to(turned)
+        chair.map.insert_ranges(Ranges(0.1 * k, np.array([np.nan, 0.9, np.nan, np.nan, 0.3, np.nan])), turned)
+    chair.snapshot = chair.map.update(turned, chair.now)
+    assert chair.lethal(2.0, 2.4, -0.2, 0.2) == 0
+    assert chair.lethal(2.1, 2.3, -1.6, -1.4) >= 1, "near readings do: 1.0 + 0.175 + 0.3"
+
+
 def test_rangers_clear_a_remembered_jamb_that_drifted_into_the_gap():
     chair = Chair(floor(), box(2.0, 2.12, 0.36, 1.0, 0.0, 2.0)).look(times=25)
     pose = np.array([1.46, 0.0, 0.0])  # the left front ranger, 0.60 ahead, stands beside x = 2.06
