@@ -22,6 +22,11 @@ SLIDE_BELOW = 0.3  # of the command left on its own arc: below, a part of it may
 # m/s: below, a part may pass in any case. A chair that sets off turns before it drives, because only its speed is
 # limited in jerk, and would be held by the swing of its own corners.
 CREEP = 0.1
+# A door of 0.71 m leaves a chair of 0.65 m 3 cm a side, one cell: driven straight on, it may come by this much [m]
+# closer to the ragged edge of the cells than it stands. Turns have no such allowance.
+PASSING = 0.006
+STRAIGHT = 0.2
+LANE = 0.25  # m beyond the edge within which an obstacle closes the way straight on
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
 # The outline is taken smaller by this much [m] where unknown ground is concerned, both for what counts as driven
@@ -201,7 +206,7 @@ class Guard:
 
     def _obstacles(self, scene, present, pose, acts):
         """Points (n, 2), velocities (n, 2), kinds (n,): 0 still, 1 moving, 2 unknown, 3 unknown ahead; half
-        a cell [m]."""
+        a cell [m]; whether the way straight back and straight on is closed."""
         if len(scene.unknown):
             # ahead of the chair as it stands now: what it reaches before the command acts was ahead, too
             dx, dy = scene.unknown[:, 0] - present[0], scene.unknown[:, 1] - present[1]
@@ -221,24 +226,36 @@ class Guard:
         velocities = np.zeros_like(points)
         velocities[len(still) : len(still) + len(moved)] = scene.moving_velocity
         kinds = np.concatenate((np.zeros(len(still), int), np.ones(len(moved), int), unknown_kinds))
-        return points, velocities, kinds, 0.5 * scene.cell
+        solid = points[: len(still) + len(moved)]
+        way_closed = [
+            sweep.way_is_closed(solid, pose, forward, LANE, box.front, box.rear, box.half_width)
+            for forward in (False, True)
+        ]
+        return points, velocities, kinds, 0.5 * scene.cell, way_closed
 
     def _hit(self, command, pose, v, w, obstacles):
         """Index of the first obstacle that the braking sweep of ``command`` meets, or None."""
-        points, velocities, kinds, half_cell = obstacles
+        points, velocities, kinds, half_cell, way_closed = obstacles
         settings, box = self._settings, self._footprint
         poses, times = sweep.brake(
             pose, v, w, command.v, command.w, self._period, settings.deceleration, settings.turn_deceleration,
             self._actuation.lag,
         )
-        corner_speed = math.hypot(command.v, command.w * box.circumscribed_radius)
-        margin = half_cell + settings.margin + settings.margin_per_speed * corner_speed
+        swing = abs(command.w) * box.circumscribed_radius
+        # 0 straight on, 1 for a turn on the spot or nearly so: the arc's shape, whatever its speed
+        turning = min(2.0 * swing / (abs(command.v) + swing), 1.0)
+        if turning < STRAIGHT and way_closed[command.v > 0.0]:
+            turning = 1.0
+        margin = (
+            half_cell + settings.margin + settings.margin_turning * turning
+            + settings.margin_per_speed * math.hypot(command.v, swing)
+        )
         margins = np.where(kinds == 0, margin, np.where(kinds == 1, margin + settings.moving_margin, 0.0))
         if abs(command.v) <= settings.unknown_speed:
             margins[kinds == 3] = -math.inf
         index, _ = sweep.first_violation(
-            poses, times, points, velocities, margins, settings.moving_horizon, box.front, box.rear,
-            box.half_width, RIM,
+            poses, times, points, velocities, margins, PASSING if turning < STRAIGHT else 0.0,
+            settings.moving_horizon, box.front, box.rear, box.half_width, RIM,
         )
         return None if index < 0 else index
 

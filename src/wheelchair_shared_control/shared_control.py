@@ -328,7 +328,9 @@ class SharedControl:
             self._memory, self._fault, self._assisting_since = {}, "", inputs.now
         elif before == ASSISTING and inputs.assistance != ASSISTING:
             # Arrival and cancel hand over through the limiter; after a fault the person must let go first.
-            if inputs.assistance == FAULT and not self._fault:
+            # Where the person drove alone anyway, there is nothing to let go of.
+            shared = self._needs_planner or self._needs_prediction
+            if inputs.assistance == FAULT and not self._fault and shared:
                 self._centre = "the assistance ended with a fault"
             self._fault = ""
         if not self._assisting(inputs):

@@ -10,6 +10,7 @@ from numba import njit
 
 STEP = 0.02  # s between the poses of a rollout: 1.2 cm at 0.6 m/s, 1.5 cm for a corner at 1 rad/s
 MAX_POSES = 256
+CLOSEST = 0.010  # m: passing along, no point comes closer than this, unless it stands closer already
 
 
 @njit(cache=True)
@@ -208,15 +209,15 @@ def brake(pose, v, w, command_v, command_w, hold, deceleration, turn_deceleratio
 
 
 @njit(cache=True)
-def first_violation(poses, times, points, velocities, margins, horizon, front, rear, half_width, rim):
+def first_violation(poses, times, points, velocities, margins, passing, horizon, front, rear, half_width, rim):
     """Index of the point that the sweep comes too close to first, and of the pose; -1, -1 if none.
 
     ``points`` (n, 2) stand where they are at time 0 and move with ``velocities`` (n, 2) for ``horizon`` [s].
     A point outside the outline at pose 0 must stay ``min(margin, present clearance)`` away, where the present
-    clearance is that of the nearest such point: the chair may pass along what it already stands close to. A
-    point inside must not get deeper. A moving point must not be met sooner than by standing still. A margin of
-    0 marks unknown ground, which must not come further than ``rim`` [m] below the outline; -inf a point of no
-    account.
+    clearance is that of the nearest such point: the chair may pass along what it already stands close to, and
+    ``passing`` [m] closer, for the raggedness of cells. A point inside must not get deeper. A moving point must not
+    be met sooner than by standing still. A margin of 0 marks unknown ground, which must not come further than
+    ``rim`` [m] below the outline; -inf a point of no account.
 
     No corner moves further between two poses than ``travel`` says, so that a point which is far away needs no
     look until the chair has come as far as it is away.
@@ -238,6 +239,8 @@ def first_violation(poses, times, points, velocities, margins, horizon, front, r
         starts[i] = signed_distance(cos0 * dx + sin0 * dy, cos0 * dy - sin0 * dx, front, rear, half_width)
         if margins[i] > 0.0 and 0.0 <= starts[i] < present:
             present = starts[i]
+    if passing > 0.0:
+        present = max(present - passing, min(present, CLOSEST))
     first_point, first_pose = -1, m
     for i in range(n):
         if margins[i] == -math.inf:
@@ -280,6 +283,19 @@ def first_violation(poses, times, points, velocities, margins, horizon, front, r
     if first_point < 0:
         return -1, -1
     return first_point, first_pose
+
+
+@njit(cache=True)
+def way_is_closed(points, pose, forward, length, front, rear, half_width):
+    """Whether any of ``points`` (n, 2) lies in the lane of the outline, up to ``length`` [m] before or behind it."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(points.shape[0]):
+        dx, dy = points[i, 0] - pose[0], points[i, 1] - pose[1]
+        if abs(cos * dy - sin * dx) < half_width:
+            beyond = cos * dx + sin * dy - front if forward else rear - cos * dx - sin * dy
+            if 0.0 < beyond < length:
+                return True
+    return False
 
 
 @njit(cache=True)

@@ -132,7 +132,7 @@ def test_counts_the_age_of_the_odometry(v, age):
     actuation, brakes = SETTINGS.wheelchair.actuation, SETTINGS.guarding
     # v (age + dead time + tick and a half + lag) + v^2 / 2a, against 0.25 m and half a cell, less the margins
     needs = v * (age + actuation.dead_time + 1.5 * TICK + actuation.lag) + v * v / (2.0 * brakes.deceleration)
-    room = 0.2625 - 0.0125 - brakes.margin - brakes.margin_per_speed * v
+    room = 0.2625 - 0.0125 - brakes.margin - brakes.margin_turning - brakes.margin_per_speed * v
     assert (verdict.state == FREE) == (needs < room)
 
 
@@ -161,6 +161,15 @@ def test_changes_nothing_on_known_free_ground():
 def test_drives_through_a_narrow_door():
     chair = Chair(DOOR)
     states = chair.drive(Twist(0.4, 0.0), 6.0)
+    assert chair.pose[0] > 1.5 and STOPPED not in states
+
+
+def test_passes_a_door_that_leaves_three_centimetres():
+    """0.71 m: cells' centres at y +-0.3625 and, ragged, some at +-0.3375; the chair's sides at +-0.325."""
+    door = filled(filled(empty(), (0.9, 1.0), (-3.0, -0.35)), (0.9, 1.0), (0.35, 3.0))
+    door = filled(door, (0.95, 0.975), (0.325, 0.35))
+    chair = Chair(door)
+    states = chair.drive(Twist(0.2, 0.0), 10.0)
     assert chair.pose[0] > 1.5 and STOPPED not in states
 
 
@@ -337,7 +346,7 @@ def test_no_obstacle_is_overlooked_between_the_poses():
         points = rng.uniform(-1.5, 1.5, (60, 2))
         margin = 0.05
         index, pose = sweep.first_violation(
-            poses, times, points, np.zeros((60, 2)), np.full(60, margin), 1.0, CHAIR.front, CHAIR.rear,
+            poses, times, points, np.zeros((60, 2)), np.full(60, margin), 0.0, 1.0, CHAIR.front, CHAIR.rear,
             CHAIR.half_width, 0.05,
         )
         all_ = np.array([

@@ -315,6 +315,10 @@ class TestHandOver:
         run.go(0.2, user=CENTRE)
         assert moves(run.go(0.5, user=AHEAD)[-1])
 
+    def test_the_assistants_fault_does_not_hold_a_person_who_drove_alone(self):
+        run = driving("user", assistance=ASSISTING)
+        assert all(moves(state) for state in run.go(1.0, assistance=FAULT))
+
     def test_a_fault_before_it_assisted_holds_nobody(self):
         run = driving()
         assert moves(run.go(1.0, assistance=FAULT)[-1])
