@@ -126,7 +126,7 @@ def _detect(rays, few, ground, settings, stamp):
             if doorway is not None:
                 found.append(doorway)
     for pair in doorway_narrows.find(rays, settings):
-        doorway, result = _narrow(rays, pair, gaps, found, settings, stamp)
+        doorway, result = _narrow(rays, pair, walls, gaps, found, settings, stamp)
         if result is not None:
             gaps.append(result)
         if doorway is not None:
@@ -187,12 +187,24 @@ def _examine(rays, line, gap, settings, stamp):
     return doorway, FoundGap(at(left, right), "")
 
 
-def _narrow(rays, pair, gaps, found, settings, stamp):
-    """A pair of points a door's width apart, unless the walls have told about that place already."""
+def _narrow(rays, pair, walls, gaps, found, settings, stamp):
+    """A pair of points a door's width apart, examined if it goes along a wall that is seen at one of them, or is
+    seen from the front, and no gap of a wall lies across it.
+
+    Across the walls it may be the way past a half-open leaf, or behind a cupboard.
+    """
     middle = pair.mean(axis=0)
-    told = [gap for gap in gaps if not gap.reason.startswith("one jamb") and " m wide" not in gap.reason]
-    near_told = any(np.hypot(*(gap.ends.mean(axis=0) - middle)) < 0.5 for gap in told)
-    if near_told or any(np.hypot(*(doorway.pose[:2] - middle)) < 0.6 for doorway in found):
+    along = (pair[1] - pair[0]) / np.hypot(*(pair[1] - pair[0]))
+    if any(np.hypot(*(doorway.pose[:2] - middle)) < 0.6 for doorway in found):
+        return None, None
+    cosine = np.cos(np.radians(settings.narrow.wall_angle))
+    for gap in gaps:
+        across = gap.ends[1] - gap.ends[0]
+        if np.hypot(*(gap.ends.mean(axis=0) - middle)) < 0.5 and abs(across @ along) < cosine * np.hypot(*across):
+            return None, None
+    view = (middle - rays.origin[:2]) / max(np.hypot(*(middle - rays.origin[:2])), 1e-6)
+    frontal = abs(view @ along) < np.sin(np.radians(settings.narrow.view_angle))
+    if not (frontal or any(_goes_along(wall, pair, along, settings.narrow) for wall in walls)):
         return None, None
     line = doorway_rays.line_from_points(pair[0], pair[1], rays.origin[:2])
     if (line.origin - rays.origin[:2]) @ line.normal < settings.wall.min_distance:
@@ -207,6 +219,17 @@ def _narrow(rays, pair, gaps, found, settings, stamp):
     covariance = _covariance(line, jambs, settings.narrow.angle_sigma, 0.03, settings)
     pose = np.append(middle, np.arctan2(line.normal[1], line.normal[0]))
     return Doorway(pose, float(right - left), 0.8 * verdict.confidence, ends, covariance, stamp), FoundGap(ends, "")
+
+
+def _goes_along(wall, pair, along, narrow):
+    """Is the wall nearly parallel to the pair's line, and seen near one of its points?"""
+    if abs(wall.line.along @ along) < np.cos(np.radians(narrow.wall_angle)):
+        return False
+    low, high = np.sort((wall.ends - wall.line.origin) @ wall.line.along)
+    local = pair - wall.line.origin
+    s = local @ wall.line.along
+    beyond = np.maximum(np.maximum(low - s, s - high), 0.0)
+    return bool((np.hypot(beyond, local @ wall.line.normal) < narrow.wall_distance).any())
 
 
 def _other_jamb(rays, line, known, side, settings):

@@ -5,10 +5,10 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
+import matplotlib.pyplot as plt
+import numpy as np
 
-from wheelchair_shared_control.errors import Error  # noqa: E402
+from wheelchair_shared_control.errors import Error
 
 POINT, WALL, GAP, DOORWAY = "0.55", "#1f4e9c", "#d9822b", "#1a8a3a"
 BAND = (0.10, 2.0)  # m: heights drawn

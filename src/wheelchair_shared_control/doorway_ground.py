@@ -1,5 +1,5 @@
 """The floor: the lowest large plane under the sensor, found by RANSAC and not assumed."""
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 import numpy as np
 import open3d as o3d

@@ -134,7 +134,8 @@ def _label(offset, z, noise, reach, tolerance, sigmas, deep, front, floor):
 
 
 @njit(cache=True, error_model="numpy")
-def _crossings(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas, deep, front,
+def _crossings(points, noise, returned, origin, line_origin, along, normal, lean, height, tolerance, sigmas,
+    deep, front,
                s_low, s_step, s_bins, z_low, z_step, z_bins, floor):
     counts = np.zeros((5, s_bins, z_bins), np.int32)
     ox, oy = np.float32(line_origin[0]), np.float32(line_origin[1])
@@ -173,7 +174,8 @@ def count_crossings(rays, line, settings, s_low, s_step, s_bins, z_low, z_step, 
     scan = settings.gap
     return _crossings(
         rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
-        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, scan.front_depth, s_low, s_step, s_bins, z_low, z_step,
+        line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, scan.front_depth, s_low, s_step,
+        s_bins, z_low, z_step,
         z_bins, settings.ground.floor_height)
 
 
