@@ -9,9 +9,10 @@ from PIL import Image
 
 from wheelchair_shared_control import footprint as footprints
 from wheelchair_shared_control import parameters, se2
-from wheelchair_shared_control.simulation import doors, lintels, maps, outlines, scenes, starts
+from wheelchair_shared_control.simulation import doors, lintels, maps, outlines, scenes, sensors, starts
+from wheelchair_shared_control.simulation import simulator as simulator_module
 from wheelchair_shared_control.simulation.simulator import Simulator
-from wheelchair_shared_control.simulation.world import SceneError, is_free, jambs, opposite
+from wheelchair_shared_control.simulation.world import SceneError, World, is_free, jambs, opposite
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 CHAIR = footprints.from_settings(parameters.load("wheelchair"))
@@ -306,6 +307,45 @@ def test_a_mesh_is_touched_and_seen_like_the_boxes_it_was_made_of(tmp_path):
         assert np.mean(np.isnan(image) == np.isnan(runs[0][0])) > 0.99
         assert readings == pytest.approx(runs[0][1], abs=1e-3) and clearance == pytest.approx(runs[0][2], abs=1e-6)
         assert x == pytest.approx(runs[0][3], abs=0.005) and touched and runs[0][4]
+
+
+def test_meshes_are_drawn_as_the_ray_caster_sees_them(monkeypatch):
+    open3d = pytest.importorskip("open3d")
+    mesh = open3d.geometry.TriangleMesh()
+    for k in range(6):
+        centre = (-0.5 + 0.4 * k, -1.0 + 0.4 * k, 0.4 + 0.2 * k)
+        mesh += open3d.geometry.TriangleMesh.create_sphere(0.25, 8).translate(centre)
+    mesh += open3d.geometry.TriangleMesh.create_box(0.1, 6.0, 2.5).translate((2.5, -3.0, 0.0))  # behind them
+    solid = (np.asarray(mesh.vertices), np.asarray(mesh.triangles))
+    world = scenes.build("open")._replace(meshes=(solid,), names=scenes.build("open").names + ("solid",))
+    images = []
+    for limit in (10 ** 9, 0):
+        monkeypatch.setattr(sensors, "DRAWN", limit)
+        with Simulator(world, parameters.load("simulator"), 1, (-2.0, 0.0, 0.0), camera=(320, 240)) as simulator:
+            images.append(simulator._depth_camera.truth(world.boxes, simulator.chair.pose))
+    near = np.isfinite(images[1]) & (images[1] < 4.5)
+    assert near.mean() > 0.5
+    # but for single pixels on the spheres' outlines
+    assert np.mean(np.abs(images[0][near] - images[1][near]) < 0.005) > 0.999
+
+
+def test_a_mesh_too_large_for_pybullet_is_given_in_pieces(monkeypatch):
+    steps = np.arange(-1.0, 1.0, 0.1)
+    quads = [[(1.5, y, z), (1.5, y + 0.1, z), (1.5, y + 0.1, z + 0.1), (1.5, y, z + 0.1)]
+             for y in steps for z in np.arange(0.0, 1.2, 0.1)]
+    vertices = np.array(quads).reshape(-1, 3)
+    triangles = np.array([(4 * i, 4 * i + 1, 4 * i + 2) for i in range(len(quads))]
+                         + [(4 * i, 4 * i + 2, 4 * i + 3) for i in range(len(quads))])
+    world = World(boxes=np.zeros((0, 7)), meshes=((vertices, triangles),), names=("curtain",))
+    monkeypatch.setattr(simulator_module, "MESH_PIECE", 50)
+    with Simulator(world, parameters.load("simulator"), 1, (0.0, 0.0, 0.0), camera=(160, 120)) as simulator:
+        assert len(simulator._names) == -(-len(triangles) // 50)
+        assert simulator.clearance() == pytest.approx(0.8)
+        for _ in range(150):
+            simulator.command(0.5, 0.0)
+            simulator.advance(0.02)
+        assert [touch.name for touch in simulator.touches[:1]] == ["curtain"]
+        assert simulator.truth().pose[0] == pytest.approx(0.8, abs=0.01)
 
 
 # ---- bad input -----------------------------------------------------------------------------------------

@@ -30,11 +30,13 @@ def load(path):
 
 
 class Caster:
-    """Rays into meshes, by open3d's ray caster."""
+    """Rays into meshes, by open3d's ray caster; ``triangles`` (n, 3, 3) [m] are all of theirs."""
 
     def __init__(self, meshes):
         import open3d
 
+        self.triangles = np.ascontiguousarray(np.concatenate(
+            [np.asarray(vertices, dtype=np.float64)[np.asarray(triangles)] for vertices, triangles in meshes]))
         self._tensor = open3d.core.Tensor
         self._scene = open3d.t.geometry.RaycastingScene()
         for vertices, triangles in meshes:

@@ -23,20 +23,15 @@ def from_world(world, low=LOW, high=HIGH):
     """Outlines of all that reaches into the heights from ``low`` to ``high`` [m]."""
     z, half = world.boxes[:, 2], world.boxes[:, 6]
     chosen = np.nonzero((z - half < high) & (z + half > low))[0]
-    polygons, names = [], [world.names[i] for i in chosen]
-    boxes = from_boxes(world.boxes[chosen])
-    for index, (vertices, triangles) in enumerate(world.meshes):
-        pieces = _cut(vertices, triangles, low, high)
-        polygons += pieces
-        names += [world.names[len(world.boxes) + index]] * len(pieces)
-    if polygons:
-        boxes = np.concatenate((boxes, np.zeros((len(polygons), 5, 2))))
-    counts = np.full(len(boxes), 4, dtype=np.int64)
-    for row, polygon in zip(range(len(chosen), len(boxes)), polygons):
-        boxes[row, : len(polygon)] = polygon
-        boxes[row, len(polygon):] = polygon[-1]
-        counts[row] = len(polygon)
-    return _finished(boxes, counts, tuple(names))
+    vertices, counts = [from_boxes(world.boxes[chosen])], [np.full(len(chosen), 4, dtype=np.int64)]
+    names = [world.names[i] for i in chosen]
+    for index, (points, triangles) in enumerate(world.meshes):
+        corners = np.asarray(points, dtype=np.float64)[np.asarray(triangles, dtype=np.int64)]
+        pieces, sizes = _cut(corners, low, high)
+        vertices.append(pieces)
+        counts.append(sizes)
+        names += [world.names[len(world.boxes) + index]] * len(sizes)
+    return _finished(np.concatenate(vertices), np.concatenate(counts), tuple(names))
 
 
 def from_boxes(boxes):
@@ -109,35 +104,60 @@ def free_runs(outlines, point, direction, reach):
     return runs
 
 
-def _cut(vertices, triangles, low, high):
-    """Triangles clipped to a height band and laid on the floor: convex polygons of 2-5 points."""
-    corners = np.asarray(vertices, dtype=float)[np.asarray(triangles, dtype=int)]
-    inside = (corners[:, :, 2].min(axis=1) < high) & (corners[:, :, 2].max(axis=1) > low)
-    pieces = []
-    for triangle in corners[inside]:
-        polygon = _clip(_clip(list(triangle), low, 1.0), high, -1.0)
-        if len(polygon) < 2:
+@njit(cache=True)
+def _cut(triangles, low, high):
+    """Triangles (n, 3, 3) clipped to a height band and laid on the floor: convex polygons (m, 5, 2), counts (m,).
+
+    A triangle that stands upright becomes a segment.
+    """
+    vertices, counts = np.zeros((len(triangles), 5, 2)), np.zeros(len(triangles), np.int64)
+    first, second = np.empty((8, 3)), np.empty((8, 3))
+    found = 0
+    for t in range(len(triangles)):
+        corners = triangles[t]
+        lowest = min(corners[0, 2], corners[1, 2], corners[2, 2])
+        highest = max(corners[0, 2], corners[1, 2], corners[2, 2])
+        if lowest >= high or highest <= low:
             continue
-        flat = np.array(polygon)[:, :2]
-        x, y = flat[:, 0], flat[:, 1]
-        area = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
-        if abs(area) < 1e-9:  # upright: a segment
-            axis = np.argmax(np.ptp(flat, axis=0))
-            flat = flat[[np.argmin(flat[:, axis]), np.argmax(flat[:, axis])]]
-        pieces.append(flat if area >= 0.0 or len(flat) == 2 else flat[::-1])
-    return pieces
+        count = _clip(corners, 3, low, 1.0, first)
+        count = _clip(first, count, high, -1.0, second)
+        if count < 2:
+            continue
+        area = 0.0
+        for i in range(count):
+            j = i + 1 if i + 1 < count else 0
+            area += 0.5 * (second[i, 0] * second[j, 1] - second[j, 0] * second[i, 1])
+        target = vertices[found]
+        if abs(area) < 1e-9 or count == 2:
+            wide, tall = np.ptp(second[:count, 0]), np.ptp(second[:count, 1])
+            axis = 0 if wide >= tall else 1
+            target[0] = second[np.argmin(second[:count, axis]), :2]
+            target[1] = second[np.argmax(second[:count, axis]), :2]
+            count = 2
+        else:
+            for i in range(count):
+                target[i] = second[i if area > 0.0 else count - 1 - i, :2]
+        for i in range(count, 5):
+            target[i] = target[count - 1]
+        counts[found] = count
+        found += 1
+    return vertices[:found].copy(), counts[:found].copy()
 
 
-def _clip(polygon, height, sign):
-    """The part of a polygon (list of (3,)) above (``sign`` 1) or below (-1) ``height``."""
-    kept = []
-    for a, b in zip(polygon, polygon[1:] + polygon[:1]):
-        above_a, above_b = sign * (a[2] - height), sign * (b[2] - height)
-        if above_a >= 0.0:
-            kept.append(a)
-        if above_a * above_b < 0.0:
-            kept.append(a + (b - a) * (above_a / (above_a - above_b)))
-    return kept
+@njit(cache=True)
+def _clip(polygon, count, height, sign, kept):
+    """The part of a polygon (count, 3) above (``sign`` 1) or below (-1) ``height``, written to ``kept``."""
+    n = 0
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        a, b = sign * (polygon[i, 2] - height), sign * (polygon[j, 2] - height)
+        if a >= 0.0:
+            kept[n] = polygon[i]
+            n += 1
+        if a * b < 0.0:
+            kept[n] = polygon[i] + (polygon[j] - polygon[i]) * (a / (a - b))
+            n += 1
+    return n
 
 
 @njit(cache=True)

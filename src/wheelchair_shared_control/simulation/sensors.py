@@ -5,6 +5,8 @@ from wheelchair_shared_control import camera as cameras
 from wheelchair_shared_control.simulation import depth_noise, rangers, zbuffer
 from wheelchair_shared_control.simulation.zbuffer import render_boxes  # noqa: F401  (part of this module's names)
 
+DRAWN = 200000  # triangles: meshes up to this size are drawn, larger ones met by rays, whose time grows slower
+
 
 class DepthCamera:
     """A depth camera on the chair; ``size`` (width, height) other than the full one scales the lens."""
@@ -36,7 +38,11 @@ class DepthCamera:
         inverse, plane = zbuffer.render(boxes, self.camera, world_from_camera, self._max_range + 0.5,
                                         out=self._buffers)
         if self._caster is not None:
-            self._caster.add_to(inverse, plane, self.camera, world_from_camera)
+            if len(self._caster.triangles) <= DRAWN:
+                zbuffer.render_triangles(self._caster.triangles, self.camera, world_from_camera,
+                                         self._max_range + 0.5, self._buffers)
+            else:
+                self._caster.add_to(inverse, plane, self.camera, world_from_camera)
         return inverse, plane
 
 

@@ -19,6 +19,7 @@ WORLD_GROUP, FLOOR_GROUP, PERSON_GROUP = 1, 2, 16
 CHAIR_MASK, ROLLING_MASK, NOBODY = 8, 4, 0
 ALL_AT_ONCE = 150  # boxes: worlds up to this size are held as a whole
 REFRESH = 1.0      # m: of larger ones the neighbourhood, chosen anew after this way
+MESH_PIECE = 20000  # triangles that pybullet is given at once: it refuses large meshes
 CLEARANCE_CAP = 5.0  # m
 TOUCHABLE = 0.5    # m from the outline: what physics must hold
 
@@ -239,10 +240,14 @@ class Simulator:
 
     def _add_meshes(self):
         for index, (vertices, triangles) in enumerate(self.world.meshes):
-            shape = pybullet.createCollisionShape(
-                pybullet.GEOM_MESH, vertices=np.asarray(vertices, dtype=float).tolist(),
-                indices=np.asarray(triangles, dtype=int).ravel().tolist(),
-                flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH, physicsClientId=self._client)
-            body = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
-            pybullet.setCollisionFilterGroupMask(body, -1, WORLD_GROUP, CHAIR_MASK, physicsClientId=self._client)
-            self._names[body] = self.world.names[len(self.world.boxes) + index]
+            corners = np.asarray(vertices, dtype=float)[np.asarray(triangles, dtype=int)]
+            heights = corners[:, :, 2]
+            touchable = corners[(heights.min(axis=1) < outlines.HIGH) & (heights.max(axis=1) > outlines.LOW)]
+            for begin in range(0, len(touchable), MESH_PIECE):
+                piece = touchable[begin:begin + MESH_PIECE].reshape(-1, 3)
+                shape = pybullet.createCollisionShape(
+                    pybullet.GEOM_MESH, vertices=piece.tolist(), indices=list(range(len(piece))),
+                    flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH, physicsClientId=self._client)
+                body = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
+                pybullet.setCollisionFilterGroupMask(body, -1, WORLD_GROUP, CHAIR_MASK, physicsClientId=self._client)
+                self._names[body] = self.world.names[len(self.world.boxes) + index]

@@ -1,5 +1,5 @@
-"""Depth of boxes on a floor by a z-buffer: every visible face is a plane, whose inverse depth is affine in
-the pixel's row and column, so that a row of pixels is one multiply-add each."""
+"""Depth of boxes and triangles on a floor by a z-buffer: a visible face is a plane, whose inverse depth is affine
+in the pixel's row and column, so that a row of pixels is one multiply-add each."""
 import numpy as np
 from numba import njit
 
@@ -32,6 +32,14 @@ def render(boxes, camera, world_from_camera, max_depth=np.inf, floor=True, out=N
         boxes = boxes[_in_sight(boxes, lens, inverse.shape, pose, limit)]
     _render(boxes, lens, pose, limit, floor, inverse, plane, _CORNERS, _FACES, _NORMALS)
     return inverse, plane
+
+
+def render_triangles(triangles, camera, world_from_camera, max_depth, out):
+    """Draw triangles (n, 3, 3) [m] of the world, seen from either side, into what ``render`` returned."""
+    inverse, plane = out
+    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    _render_triangles(triangles, lens, np.ascontiguousarray(world_from_camera, dtype=np.float64),
+                      min(float(max_depth), 1e6), inverse, plane)
 
 
 def render_boxes(boxes, camera, world_from_camera, floor=True):
@@ -95,6 +103,52 @@ def _render(boxes, lens, pose, max_depth, floor, inverse, plane, unit, faces, no
             my = pose[0, 1] * wx + pose[1, 1] * wy + pose[2, 1] * wz
             mz = pose[0, 2] * wx + pose[1, 2] * wy + pose[2, 2] * wz
             _fill_face(clipped, count, mx, my, mz, distance, lens, pixels, low, high, inverse, plane)
+
+
+@njit(cache=True, nogil=True)
+def _render_triangles(triangles, lens, pose, max_depth, inverse, plane):
+    height, width = inverse.shape
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    left, right = -(cx + 1.0) / fx, (width - cx) / fx
+    top, bottom = -(cy + 1.0) / fy, (height - cy) / fy
+    polygon, clipped = np.empty((3, 3)), np.empty((8, 3))
+    pixels = np.empty((8, 2))
+    low, high = np.empty(height), np.empty(height)
+    for t in range(len(triangles)):
+        nearest, farthest = 1e300, -1e300
+        outside = 15  # a bit for each side of the view that all corners are beyond
+        for k in range(3):
+            dx, dy = triangles[t, k, 0] - pose[0, 3], triangles[t, k, 1] - pose[1, 3]
+            dz = triangles[t, k, 2] - pose[2, 3]
+            for a in range(3):
+                polygon[k, a] = pose[0, a] * dx + pose[1, a] * dy + pose[2, a] * dz
+            x, y, z = polygon[k, 0], polygon[k, 1], polygon[k, 2]
+            nearest, farthest = min(nearest, z), max(farthest, z)
+            if x >= left * z:
+                outside &= ~1
+            if x <= right * z:
+                outside &= ~2
+            if y >= top * z:
+                outside &= ~4
+            if y <= bottom * z:
+                outside &= ~8
+        if farthest < NEAR or nearest > max_depth or outside:
+            continue
+        ax, ay, az = polygon[1, 0] - polygon[0, 0], polygon[1, 1] - polygon[0, 1], polygon[1, 2] - polygon[0, 2]
+        bx, by, bz = polygon[2, 0] - polygon[0, 0], polygon[2, 1] - polygon[0, 1], polygon[2, 2] - polygon[0, 2]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if length < 1e-12:
+            continue
+        nx, ny, nz = nx / length, ny / length, nz / length
+        distance = -(nx * polygon[0, 0] + ny * polygon[0, 1] + nz * polygon[0, 2])
+        if distance < 0.0:
+            nx, ny, nz, distance = -nx, -ny, -nz, -distance
+        if distance < 1e-6:
+            continue  # seen edge on
+        count = _clip_near(polygon, 3, clipped)
+        if count >= 3:
+            _fill_face(clipped, count, nx, ny, nz, distance, lens, pixels, low, high, inverse, plane)
 
 
 @njit(cache=True, nogil=True)
