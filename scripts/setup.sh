@@ -69,8 +69,10 @@ install_system_packages() {
   if [ ${#missing[@]} -eq 0 ]; then return; fi
   say "installing ${missing[*]}"
   local apt=(env DEBIAN_FRONTEND=noninteractive apt-get -y -q --no-install-recommends)
-  # The lists of a fresh machine are empty or old: fetch them only if the first attempt needs it.
-  as_root "${apt[@]}" install "${missing[@]}" >/dev/null 2>&1 && return
+  # The lists of a fresh machine are empty or old: fetch them where they do not know what is missing, and where
+  # what they name is no longer there.
+  apt-get -s install "${missing[@]}" >/dev/null 2>&1 || as_root "${apt[@]}" update
+  as_root "${apt[@]}" install "${missing[@]}" && return
   as_root "${apt[@]}" update
   as_root "${apt[@]}" install "${missing[@]}" \
     || fail "apt-get could not install: ${missing[*]} (needs Debian 12, or Ubuntu 20.04 with /opt/ros/noetic)"

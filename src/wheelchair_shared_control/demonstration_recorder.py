@@ -130,7 +130,8 @@ class _Bag:
     def __init__(self, path, wheelchair, lens):
         self._wheelchair, self._lens, self._path = wheelchair, lens, path
         self._store = get_typestore(Stores.ROS1_NOETIC)
-        self._store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+        self._store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms",
+            "tf2_msgs/msg/TFMessage"))
         for name in OWN_TYPES:
             definition = parameters.package_file("msg/%s.msg" % name).read_text(encoding="utf-8")
             self._store.register(get_types_from_msg(definition, "wheelchair_shared_control/msg/" + name))
@@ -226,13 +227,15 @@ class _Bag:
         return self._type("geometry_msgs", "Twist")(self._vector(command[0]), self._vector(0.0, 0.0, command[1]))
 
     def _pose(self, pose):
-        quaternion = self._type("geometry_msgs", "Quaternion")(0.0, 0.0, float(np.sin(pose[2] / 2)), float(np.cos(pose[2] / 2)))
+        quaternion = self._type("geometry_msgs", "Quaternion")(0.0, 0.0, float(np.sin(pose[2] / 2)),
+            float(np.cos(pose[2] / 2)))
         return self._type("geometry_msgs", "Point")(float(pose[0]), float(pose[1]), 0.0), quaternion
 
     def _quaternion(self, rotation):
         w = 0.5 * np.sqrt(max(0.0, 1.0 + np.trace(rotation)))
         x, y, z = (
-            np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
+            np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
+                rotation[1, 0] - rotation[0, 1]])
             / (4.0 * w)
         )
         return self._type("geometry_msgs", "Quaternion")(float(x), float(y), float(z), float(w))
@@ -253,4 +256,5 @@ class _Bag:
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
                 "/" + topic, kind, typestore=self._store, latching=int(topic == "tf_static"))
-        self._writer.write(self._connections[topic], self._nanoseconds(now), bytes(self._store.serialize_ros1(message, kind)))
+        self._writer.write(self._connections[topic], self._nanoseconds(now),
+            bytes(self._store.serialize_ros1(message, kind)))

@@ -207,7 +207,8 @@ def _latest(commands, stamps):
 def _at(odometry, stamps):
     """Speeds v, w (n,) at ``stamps`` by interpolation, and the gap [s] between the messages on both sides."""
     after = np.searchsorted(odometry[:, 0], stamps, side="left")
-    before = np.where((after < len(odometry)) & (odometry[np.minimum(after, len(odometry) - 1), 0] == stamps), after, after - 1)
+    before = np.where((after < len(odometry)) & (odometry[np.minimum(after, len(odometry) - 1), 0] == stamps),
+        after, after - 1)
     known = (before >= 0) & (after < len(odometry))
     before, after = np.maximum(before, 0), np.minimum(after, len(odometry) - 1)
     gap = np.where(known, odometry[after, 0] - odometry[before, 0], np.inf)
@@ -251,7 +252,8 @@ def _recorded_features(bag, topics):
 def _read_log(bag, topics):
     odometry, sent, user, assisting, offsets, base_frame = [], [], [], [], [], "base_link"
     malformed = 0
-    for topic, kind, time, message in bag.messages([topics[name] for name in ("odom", "cmd_vel", "user", "assistance")]):
+    for topic, kind, time, message in bag.messages([topics[name] for name in ("odom", "cmd_vel", "user",
+        "assistance")]):
         if topic == topics["odom"]:
             if not hasattr(message, "twist") or not hasattr(message, "pose"):
                 raise BagError("%s: topic '%s' is %s, not nav_msgs/Odometry" % (bag.path, topic, kind))
@@ -281,9 +283,8 @@ def _read_log(bag, topics):
         notes.append("%d odometry messages are malformed" % malformed)
     if offset:
         notes.append("stamps and times of recording differ by %.1f s: commands are moved by that" % offset)
-    for name, values in (("cmd_vel", sent), ("user", user)):
-        if topics[name] not in bag.topics and name == "cmd_vel" and not user:
-            notes.append("no commands on '%s': every motion counts as the driver's" % topics[name])
+    if topics["cmd_vel"] not in bag.topics and not user:
+        notes.append("no commands on '%s': every motion counts as the driver's" % topics["cmd_vel"])
     table = np.array(odometry).reshape(-1, 6)
     table = table[np.argsort(table[:, 0], kind="stable")]
     states = np.array(assisting).reshape(-1, 2)

@@ -179,7 +179,8 @@ class _Replay:
     def _mounting(self, frame):
         transform = self._frames.base_from(frame)
         if transform is None:
-            self._notes["no transform to the camera's frame '%s': taken to sit as in config/wheelchair.yaml" % frame] = True
+            note = "no transform to the camera's frame '%s': taken to sit as in config/wheelchair.yaml" % frame
+            self._notes[note] = True
             transform = camera.mounting(self._wheelchair)
         return transform
 

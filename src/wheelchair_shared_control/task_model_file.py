@@ -105,7 +105,8 @@ def _read(path):
         with zipfile.ZipFile(str(path)) as archive:
             unpacked = sum(entry.file_size for entry in archive.infolist())
             if unpacked > FILE_LIMIT:
-                raise TaskModelError("unpacks to %.0f MB: a model has at most %.0f MB" % (unpacked / 1e6, FILE_LIMIT / 1e6))
+                raise TaskModelError("unpacks to %.0f MB: a model has at most %.0f MB" % (unpacked / 1e6,
+                    FILE_LIMIT / 1e6))
             names = [entry.filename for entry in archive.infolist()]
             expected = [name + ".npy" for name in ENTRIES]
             for name in names:

@@ -66,7 +66,8 @@ def style(set_name, scene, index, settings, rng):
         ends = (-reach, reach)
     first = 1 if len(free) == 1 or side > 0.0 else 0
     return Style(
-        set_name, scene, pace, speed, start, ends, first, rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.8, 1.2), turn_first
+        set_name, scene, pace, speed, start, ends, first, rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.8, 1.2),
+        turn_first
     )
 
 

@@ -9,7 +9,12 @@ from sklearn.mixture import GaussianMixture
 from threadpoolctl import threadpool_limits
 
 from wheelchair_shared_control.task_model import (
-    INPUTS, MIRROR, NAMES, TaskModel, TaskModelError, Training,
+    INPUTS,
+    MIRROR,
+    NAMES,
+    TaskModel,
+    TaskModelError,
+    Training,
 )
 
 # What each feature ranges over on a chair: the features' max_range, and speeds.

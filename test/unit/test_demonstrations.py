@@ -142,7 +142,8 @@ def test_turning_on_the_spot_is_kept_and_reversing_is_not(tmp_path):
 
 def test_another_hand_on_the_wheels_is_left_out(tmp_path):
     # the person pushes straight ahead, the wheels get a turn
-    messages = [(topic, time, twist(0.3, 0.5) if topic == "/cmd_vel" else message) for topic, time, message in driving(w=0.0)]
+    messages = [(topic, time, twist(0.3, 0.5) if topic == "/cmd_vel" else message) for topic, time,
+        message in driving(w=0.0)]
     left_out(write(tmp_path / "a.bag", messages), not_the_user=49)
 
 
@@ -170,7 +171,8 @@ def test_missing_commands_are_said(tmp_path):
 
 def test_assisted_driving_is_left_out(tmp_path):
     message = kind("wheelchair_shared_control", "AssistanceState")
-    messages = driving() + [("/assistance", 102.0, message(header(102.0), 2)), ("/assistance", 103.0, message(header(103.0), 0))]
+    messages = driving() + [("/assistance", 102.0, message(header(102.0), 2)),
+        ("/assistance", 103.0, message(header(103.0), 0))]
     left_out(write(tmp_path / "a.bag", messages), assisted=10)  # one second at 10 Hz
 
 
@@ -206,7 +208,8 @@ def test_bags_that_cannot_be_read_say_why(tmp_path):
         "text.bag": (b"hello\n" * 100, "is no bag"),
         "old.bag": (b"#ROSBAG V1.2\n" + good[13:], "bag format 1.2"),
         "cut.bag": (good[: len(good) // 2], "cut short|damaged"),
-        "unindexed.bag": (good.replace(b"index_pos=" + good.split(b"index_pos=")[1][:8], b"index_pos=" + bytes(8)), "no index"),
+        "unindexed.bag": (good.replace(b"index_pos=" + good.split(b"index_pos=")[1][:8],
+            b"index_pos=" + bytes(8)), "no index"),
         "header.bag": (good[:13], "damaged|could not|Could not|read"),
     }
     for name, (content, message) in cases.items():

@@ -76,7 +76,8 @@ def test_unknown_version_is_refused(path):
 @pytest.mark.parametrize(
     "change, message",
     [
-        (dict(format="other"), "no task model"), (dict(names=["a"] * 6), "features"), (dict(units=["m"] * 6), "features"),
+        (dict(format="other"), "no task model"), (dict(names=["a"] * 6), "features"),
+        (dict(units=["m"] * 6), "features"),
         (dict(extra=1), "unknown 'extra'"), (dict(provenance=None), "without 'provenance'"),
         (dict(components=3), "holds 2"), (dict(provenance=[]), "provenance"),
     ],

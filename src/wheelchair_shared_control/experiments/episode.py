@@ -106,7 +106,8 @@ class Episode:
                 simulator.time, simulator.truth().pose, touched, graph.assistance.state, graph.refusal
             )
         self.log = recorder.log()
-        extra = {"front_touch_speed": front_touch_speed(simulator.touches, self.footprint), "escape_m": None, "door": self.door.name, "side": self.side}
+        extra = {"front_touch_speed": front_touch_speed(simulator.touches, self.footprint), "escape_m": None,
+            "door": self.door.name, "side": self.side}
         if verdict.outcome == "standstill":
             extra["escape_m"] = self._escape(graph, simulator)
         return results.of_log(
