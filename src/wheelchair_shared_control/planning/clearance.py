@@ -1,6 +1,6 @@
 """Clearance of the true footprint polygon, read from the costmap's distance field by compiled kernels.
 
-The field holds for each cell the distance [m] of its centre to the nearest lethal cell's centre. A pose's
+The field holds for each cell the distance [m] of its centre to what is in the nearest lethal cell. A pose's
 clearance is the smallest field value on the polygon's outline; points on the polygon's spine catch what stands
 inside it. Cells outside the window count as far from everything.
 """
@@ -13,8 +13,9 @@ from wheelchair_shared_control import footprint as footprints
 
 
 class Field(NamedTuple):
-    """What the kernels read: ``distance`` (rows, cols) float32 [m], ``known`` (rows, cols) bool, and
-    ``frame`` (3,) float64: x and y [m] of the outer corner of cell [0, 0], resolution [m]."""
+    """What the kernels read: ``distance`` (rows, cols) float32 [m]; ``known`` (rows, cols) uint8: UNKNOWN, SEEN or
+    PRESUMED (taken for free, but neither seen nor driven over); ``frame`` (3,) float64: x and y [m] of the outer
+    corner of cell [0, 0], resolution [m]."""
 
     distance: np.ndarray
     known: np.ndarray
@@ -33,6 +34,7 @@ class Body(NamedTuple):
 
 
 FAR = 2.0
+UNKNOWN, SEEN, PRESUMED = 0, 1, 2
 # No division is by zero here, and no value NaN: the checks cost more than the arithmetic.
 FAST = dict(cache=True, error_model="numpy", fastmath={"nsz", "arcp", "contract", "reassoc"})
 
@@ -40,9 +42,12 @@ FAST = dict(cache=True, error_model="numpy", fastmath={"nsz", "arcp", "contract"
 def make_field(snapshot):
     """Field of a costmap snapshot."""
     frame = np.array([snapshot.origin[0], snapshot.origin[1], snapshot.resolution], dtype=np.float64)
+    known = snapshot.known.astype(np.uint8)
+    if snapshot.presumed is not None:
+        known[snapshot.presumed] = PRESUMED
     return Field(
         np.ascontiguousarray(snapshot.distance, dtype=np.float32),
-        np.ascontiguousarray(snapshot.known, dtype=np.bool_),
+        known,
         frame,
     )
 
@@ -122,11 +127,11 @@ def field_gradient(distance, frame, x, y):
 
 @njit(**FAST)
 def known_at(known, frame, x, y):
-    """Whether a point's cell was seen; False outside the window."""
+    """UNKNOWN, SEEN or PRESUMED, of a point's cell; UNKNOWN outside the window."""
     col = int(np.floor((x - frame[0]) / frame[2]))
     row = int(np.floor((y - frame[1]) / frame[2]))
     if row < 0 or col < 0 or row >= known.shape[0] or col >= known.shape[1]:
-        return False
+        return UNKNOWN
     return known[row, col]
 
 

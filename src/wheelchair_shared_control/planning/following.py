@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from wheelchair_shared_control.planning.clearance import FAST, clearance, known_at
+from wheelchair_shared_control.planning.clearance import FAST, SEEN, clearance, known_at
 
 DT = 0.05
 SLOW_BEFORE = 0.35  # m
+BLIND_REVERSE = 0.1  # m/s, over ground that is only presumed free
 TURN_ON_SPOT = 0.012  # m a step: below, the step is a turn on the spot
 
 
@@ -146,7 +147,7 @@ def speeds(steps, kinds, clear, seen, at_contact, per_clearance, in_unknown, v_m
             c = min(c, clear[j])
         v = min(cap, at_contact + per_clearance * max(c, 0.0))
         if not seen[k]:
-            v = min(v, in_unknown)
+            v = min(v, in_unknown if steps[k, 0] >= 0.0 else BLIND_REVERSE)
         w = min(w_max, 0.25 + 3.0 * max(clear[k], 0.0))
         r = 50.0
         if kinds[k] == 0:
@@ -170,14 +171,15 @@ def speeds(steps, kinds, clear, seen, at_contact, per_clearance, in_unknown, v_m
 
 
 @njit(**FAST)
-def seen_ahead(known, frame, poses, front, half_width):
-    """Whether the ground under the front edge is known, for each pose (n, 3)."""
+def seen_ahead(known, frame, poses, kinds, front, rear, half_width):
+    """Whether the ground under the edge that leads was seen, for each step (n,) and its end pose (n, 3)."""
     out = np.ones(poses.shape[0], dtype=np.bool_)
     for k in range(poses.shape[0]):
         c, s = np.cos(poses[k, 2]), np.sin(poses[k, 2])
+        edge = rear if kinds[k] < 0 else front
         for side in range(-1, 2):
-            if not known_at(known, frame, poses[k, 0] + c * front - s * side * half_width,
-                            poses[k, 1] + s * front + c * side * half_width):
+            if known_at(known, frame, poses[k, 0] + c * edge - s * side * half_width,
+                        poses[k, 1] + s * edge + c * side * half_width) != SEEN:
                 out[k] = False
     return out
 

@@ -238,7 +238,7 @@ class Navigator:
         along = anchor[:2] + way * np.arange(1.0, max(distance, 1.0), 0.1)[:, None] / max(distance, 1e-6)
         self._looks = (
             moving < 0 and distance > FAR_ENOUGH and abs(turn) > FACING
-            and not np.all([clearance.known_at(field.known, field.frame, *point) for point in along]))
+            and not all(clearance.known_at(field.known, field.frame, *point) == clearance.SEEN for point in along))
         if not self._looks:
             return None
         w = np.sign(turn) * min(self.w_max, max(0.12, np.sqrt(self.turn_acc * abs(turn))))
@@ -337,7 +337,7 @@ class Navigator:
     def _follow(self, field, path):
         """The command that drives the first steps of ``path``."""
         p = self.settings.planner
-        seen = self.planner.seen(field, path.poses[1:])
+        seen = self.planner.seen(field, path)
         clear = np.minimum(path.clear[:-1], path.clear[1:])
         rate = following.speeds(
             path.steps, path.kinds, clear, seen, p.speed_at_contact, p.speed_per_clearance, p.speed_in_unknown,

@@ -54,9 +54,10 @@ class Planner:
         poses = np.stack((pose, pose))
         return Path(np.zeros((1, 2)), poses, np.zeros(1, np.int64), self.clearance(field, poses))
 
-    def seen(self, field, poses):
-        """Whether the ground below the front edge is known, (n,)."""
-        return seen_ahead(field.known, field.frame, poses, self.footprint.front, self.footprint.half_width)
+    def seen(self, field, path):
+        """Whether the ground below the leading edge was seen, for each step (n,) of a Path."""
+        return seen_ahead(field.known, field.frame, path.poses[1:], path.kinds, self.footprint.front,
+                          self.footprint.rear, self.footprint.half_width)
 
     def price(self, field, start, steps, kinds):
         """Cost [s] of a path on the search's scale."""

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from wheelchair_shared_control.planning.clearance import FAST, clearance, field_at, known_at
+from wheelchair_shared_control.planning.clearance import FAST, PRESUMED, SEEN, UNKNOWN, clearance, field_at, known_at
 
 BIN, HEADINGS = 0.05, 72
 COARSE = 0.1
+BESIDE, UNSEEN_FACTOR = 0.25, 4.0  # m, 1: with so little room, unseen ground is charged so much more
 FORWARD, REVERSE, TURN = 0, 1, 2
 # ds [m], dtheta [rad] of one primitive, its kind; each is checked in two halves.
 _ARC, _TURN = 0.15, np.deg2rad(10.0)
@@ -123,7 +124,7 @@ def cost_to_go(distance, frame, rows, cols, goal, radius, weights, keys, items):
 
 
 @njit(**FAST)
-def _price(ds, dth, kind, c, seen, weights):
+def _price(ds, dth, kind, c, ground, weights):
     """Cost [s] of a piece of path with clearance ``c`` [m]."""
     speed, turn_rate, reverse_factor, _, _, comfortable, narrow, unknown_factor = weights
     time = max(abs(ds) / speed, abs(dth) / turn_rate)
@@ -134,8 +135,11 @@ def _price(ds, dth, kind, c, seen, weights):
         time *= 1.0 + narrow * x * x
         if c < 0.04:
             time *= 1.0 + 3.0 * (0.04 - c) / 0.04
-    if not seen:
+    if ground != SEEN:
         time *= unknown_factor
+        # Not seen, and something stands near, or nobody looks there: a swing or a reversal into what is presumed.
+        if kind == REVERSE or (kind == TURN and c < BESIDE):
+            time *= UNSEEN_FACTOR
     return time
 
 
@@ -144,6 +148,20 @@ def _move(x, y, th, ds, dth):
     half = 0.5 * dth
     chord = ds * (1.0 - half * half / 6.0 + half ** 4 / 120.0)
     return x + chord * np.cos(th + half), y + chord * np.sin(th + half), th + dth
+
+
+@njit(**FAST)
+def _ground(known, frame, x, y, th, edge, half_width):
+    """The least that is known of the ground below three points of the edge at x = ``edge`` of a pose."""
+    c, s = np.cos(th), np.sin(th)
+    worst = SEEN
+    for side in range(-1, 2):
+        what = known_at(known, frame, x + c * edge - s * side * half_width, y + s * edge + c * side * half_width)
+        if what == UNKNOWN:
+            return UNKNOWN
+        if what == PRESUMED:
+            worst = PRESUMED
+    return worst
 
 
 @njit(**FAST)
@@ -156,19 +174,16 @@ def _piece(distance, known, frame, outline, spine, half_width, reach, middle, sh
         c = clearance(distance, frame, outline, spine, half_width, reach, middle, 0.5, x, y, th) - shrink
         if c < floor:
             return np.inf, x, y, th
-        cs, sn = np.cos(th), np.sin(th)
-        seen = True
+        ground = SEEN
         if kind == REVERSE:
-            for side in range(-1, 2):
-                px, py = rear, side * half_width
-                if not known_at(known, frame, x + cs * px - sn * py, y + sn * px + cs * py):
-                    return np.inf, x, y, th
+            ground = _ground(known, frame, x, y, th, rear, half_width)
+            if ground == UNKNOWN:
+                return np.inf, x, y, th
         else:
-            for side in range(-1, 2):
-                px, py = 2.0 * middle - rear, side * half_width
-                if not known_at(known, frame, x + cs * px - sn * py, y + sn * px + cs * py):
-                    seen = False
-        total += _price(ds / parts, dth / parts, kind, c, seen, weights)
+            ground = _ground(known, frame, x, y, th, 2.0 * middle - rear, half_width)
+            if ground == SEEN and kind == TURN:
+                ground = _ground(known, frame, x, y, th, rear, half_width)
+        total += _price(ds / parts, dth / parts, kind, c, ground, weights)
     return total, x, y, th
 
 
