@@ -88,10 +88,20 @@ class Eye:
         return found
 
 
+def calmness(settings):
+    """1 on a chair that answers at once, less the later it answers: who knows a sluggish chair steers it gently.
+
+    A loop with a delay T swings where its gain exceeds about 1 / T; half of that is calm.
+    """
+    actuation = settings.wheelchair.actuation
+    delay = settings.anticipation * (actuation.dead_time + actuation.lag)
+    return min(1.0, 0.5 / max(1e-3, delay * settings.drive.heading_gain))
+
+
 def turn_on_the_spot(error, settings):
     """Turn rate [rad/s] that takes a heading ``error`` [rad] away without overshoot."""
     drive = settings.drive
-    return float(np.clip(drive.heading_gain * error, -drive.turn, drive.turn))
+    return float(np.clip(calmness(settings) * drive.heading_gain * error, -drive.turn, drive.turn))
 
 
 def along_leg(pose, leg, speed, turning, settings):
@@ -99,18 +109,17 @@ def along_leg(pose, leg, speed, turning, settings):
 
     A cross-track error bends the wanted heading towards the leg over ``look_ahead``.
     """
-    drive = settings.drive
+    drive, calm = settings.drive, calmness(settings)
     direction = leg.direction
     offset = pose[:2] - leg.start
     cross = float(direction[0] * offset[1] - direction[1] * offset[0])
-    bend = np.arctan2(cross, drive.look_ahead)
+    bend = np.arctan2(cross, drive.look_ahead / calm)
     wanted = leg.heading + (bend if leg.reverse else -bend)
     error = float(se2.wrap_angle(wanted - pose[2]))
-    # On the spot only towards the leg's own heading: a small offset is driven away, not turned away.
     off = abs(error)
     turning = off > drive.turn_start or (turning and off > drive.turn_stop)
+    w = turn_on_the_spot(error, settings)
     if turning:
-        return Twist(0.0, turn_on_the_spot(error, settings)), True
-    w = float(np.clip(drive.heading_gain * error, -drive.turn, drive.turn))
-    v = speed * max(0.3, np.cos(min(np.pi / 2.0, 2.0 * abs(error))))
+        return Twist(0.0, w), True
+    v = speed * np.sqrt(calm) * max(0.3, np.cos(min(np.pi / 2.0, 2.0 * off)))
     return Twist(float(-v if leg.reverse else v), w), False

@@ -27,6 +27,7 @@ class Way:
             self._line = crossing_line(settings, chair, ground)
             moved = bool(np.any(self._line))
             self._ground = from_world(world, se2.compose(door_pose_world, self._line)) if moved else ground
+        self._late = settings.anticipation * settings.wheelchair.actuation.dead_time
         self._legs, self._turning, self._planned = [], False, False
         self._moved, self._moved_at, self._turned_at = None, None, None
         self._backing, self._tries = False, 0
@@ -163,7 +164,7 @@ class Way:
             speed = drive.door
         if len(self._legs) == 1 or self._rounding() <= 0.02:
             # the chair rolls on while hand, limiter and motors follow
-            left -= drive.reaction * abs(twist.v)
+            left -= (drive.reaction + self._late) * abs(twist.v)
             speed = min(speed, max(0.08, np.sqrt(2.0 * drive.braking * max(0.0, left))))
         return float(speed)
 
@@ -188,11 +189,11 @@ class Way:
         """The stick for the room ahead, and whether the chair would touch before the person can stop it."""
         if self._ground is None or (command.v == 0.0 and command.w == 0.0):
             return command, False
-        ahead = se2.integrate(pose, command.v, command.w, np.array([0.3, 0.6, 0.9]))
+        ahead = se2.integrate(pose, command.v, command.w, np.array([0.3, 0.6, 0.9]) + self._late)
         rooms = room(self._ground, self.chair, np.vstack((pose, ahead)))
         share = float(np.clip(rooms.min() / self.settings.drive.room, 0.4, 1.0))
         slowed = Twist(share * command.v, share * command.w)
-        then = float(room(self._ground, self.chair, se2.integrate(pose, slowed.v, slowed.w, 0.5))[0])
+        then = float(room(self._ground, self.chair, se2.integrate(pose, slowed.v, slowed.w, 0.4 + self._late))[0])
         return slowed, then < TOUCH and then < rooms[0] - 0.002
 
     def _back_off(self, pose):
