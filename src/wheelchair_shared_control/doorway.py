@@ -8,9 +8,15 @@ from typing import NamedTuple, Tuple
 import numpy as np
 import open3d as o3d
 
-from wheelchair_shared_control import doorway_gaps, doorway_ground, doorway_jambs, doorway_narrows
-from wheelchair_shared_control import doorway_rays, doorway_volume
-from wheelchair_shared_control import doorway_walls
+from wheelchair_shared_control import (
+    doorway_gaps,
+    doorway_ground,
+    doorway_jambs,
+    doorway_narrows,
+    doorway_rays,
+    doorway_volume,
+    doorway_walls,
+)
 from wheelchair_shared_control.camera import Camera
 from wheelchair_shared_control.camera import base_from_camera as base_from_camera_of
 from wheelchair_shared_control.doorway_tracker import DoorwayTracker
