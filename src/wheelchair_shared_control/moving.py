@@ -1,8 +1,8 @@
 """Obstacles that move: lethal cells of the costmap grouped into blobs, and the velocity of each blob.
 
 What a thing that stands shows changes as the chair drives: cells are added where more of it comes into view, so
-that its middle seems to move. A blob has moved only where its leading and its trailing edge both went the same way,
-and then by the smaller of the two.
+that its middle seems to move. A blob has moved only where its leading and its trailing edge both went the same way.
+Behind a walker cells stay occupied for a while, so that the trailing edge may lag: it is the leading one that counts.
 """
 from collections import deque
 from typing import NamedTuple
@@ -13,7 +13,8 @@ from scipy import ndimage
 from wheelchair_shared_control.grid import LETHAL
 
 NOTHING = np.empty((0, 2))
-LARGEST = 0.9  # m: extent of a person; larger blobs are walls and furniture
+LARGEST = 1.3  # m: extent of a person and their trail; larger blobs are walls and furniture
+LAG = 0.3  # of the leading edge's way: the least that the trailing edge must have gone
 FEWEST = 3  # cells of a blob
 NEAREST = 0.35  # m between where a blob was expected and where it is
 BASELINE = (0.35, 0.8)  # s over which edges are compared
@@ -71,8 +72,11 @@ class Track:
             if span <= BASELINE[1]:
                 shift = self.blob.edges - edges
                 together = (shift[0] * shift[1]) > 0.0
-                least = np.where(np.abs(shift[0]) < np.abs(shift[1]), shift[0], shift[1])
-                return np.where(together, least, 0.0) / span
+                order = np.abs(shift[0]) < np.abs(shift[1])
+                less, more = np.where(order, shift[0], shift[1]), np.where(order, shift[1], shift[0])
+                # what grows or shrinks on one side only has not moved; what lags too much moves as its laggard
+                moved = np.where(np.abs(less) >= LAG * np.abs(more), more, less)
+                return np.where(together, moved, 0.0) / span
         return None
 
 
