@@ -51,7 +51,8 @@ class Study:
         odom_from_door = se2.inverse(door_from_odom)
         for side in (1.0, -1.0):
             beside = points[:, 1] * side
-            jamb = beside[(np.abs(points[:, 0]) < thick + snapshot.resolution) & (beside > 0.0) & (beside < half + NEAR)]
+            in_wall = np.abs(points[:, 0]) < thick + snapshot.resolution
+            jamb = beside[in_wall & (beside > 0.0) & (beside < half + NEAR)]
             if not jamb.size:
                 continue
             along = np.linspace(-thick, thick, 7)
