@@ -5,7 +5,7 @@ of the line through the gap with most room. The leg through the gap begins at le
 """
 import numpy as np
 
-from wheelchair_shared_control import se2
+from wheelchair_shared_control import se2, way_search
 from wheelchair_shared_control.assistance import ASSISTING
 from wheelchair_shared_control.ground import from_world, room
 from wheelchair_shared_control.person import along_leg, turn_on_the_spot
@@ -27,6 +27,7 @@ class Way:
             self._line = crossing_line(settings, chair, ground)
             moved = bool(np.any(self._line))
             self._ground = from_world(world, se2.compose(door_pose_world, self._line)) if moved else ground
+            way_search.warm_up(self._ground, chair)
         self._late = settings.anticipation * settings.wheelchair.actuation.dead_time
         self._legs, self._turning, self._planned = [], False, False
         self._moved, self._moved_at, self._turned_at = None, None, None

@@ -71,6 +71,12 @@ def search(ground, chair, lattice, ends, wanted, minimum):
     return Search(cost, action, lattice)
 
 
+def warm_up(ground, chair):
+    """Compile (once on a machine, then from the cache) what a search uses, before anybody waits for a way."""
+    lattice = lattice_through(np.array([-1.0, 0.0]), np.array([-1.2, -0.2]), np.array([-0.8, 0.2]))
+    search(ground, chair, lattice, [(0, 0, 0, 0.0)], 0.1, 0.0)
+
+
 def descend(result, pose):
     """Corner points of the way from ``pose`` (3,): list of [x, y, yaw, reverse], one a straight piece's end.
 
