@@ -18,6 +18,7 @@ IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person is driving forward
 SLICE = 500  # states expanded in one cycle
 FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
+FACED = 0.04  # rad: a turn on the spot with no more left is done
 # Candidates, as shares of the wanted speed and turn rate, in the order of preference.
 SCALES = np.array([[1.0, 1.0], [0.85, 0.85], [0.7, 0.7], [0.55, 0.55], [0.4, 0.4], [0.28, 0.28], [0.18, 0.18],
                    [0.1, 0.1], [0.5, 1.0], [1.0, 0.5], [1.0, 0.0], [0.4, 0.0], [0.0, 1.0], [0.0, 0.5]])
@@ -331,6 +332,12 @@ class Navigator:
         targets = rolled(on_path, steps)
         targets[-1] = self.planner._inside(field, self._path_goal)
         way = self.planner.refine(field, anchor, steps, kinds, targets, 6)
+        n = int(np.argmax(way.kinds != 0))
+        if n and abs(np.sum(way.steps[:n, 1])) < FACED:
+            # The rest of a turn is not worth standing for: the drive that follows steers it out.
+            self._step += int(np.argmax(path.kinds[step:] != 0))
+            targets = targets[n:]
+            way = self.planner.refine(field, anchor, steps[n:], kinds[n:], targets, 6)
         return way, np.hypot(*(anchor[:2] - on_path[:2])), abs(se2.wrap_angle(anchor[2] - on_path[2]))
 
     # --- command -----------------------------------------------------------------------------------------

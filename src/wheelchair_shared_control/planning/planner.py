@@ -20,6 +20,7 @@ GOAL_XY, GOAL_YAW = 0.05, 0.1  # m, rad: how near to the goal a search ends
 REFINEMENT = np.array([0.30, 0.07, 1000.0, 300.0, 300.0, 2.0, 0.3, 100.0, 60.0, 1000.0, 20.0, 8.0])
 STEP, STEP_TURN = 0.08, 0.12  # m, rad: length of a step of a path
 COMFORTABLE = 0.08  # m: a path with so much room is taken as it is
+ROUND_BEFORE, ROOM = 1.0, 0.2  # m: a turn so far before a clearance below that stays a turn
 ROUND = 0.6  # rad: turns on the spot between two drives up to this are driven as a bend
 
 
@@ -124,7 +125,8 @@ class Planner:
         """The searched path refined: with its small turns rounded, or as it was, or not at all if that is clearest."""
         best = None
         kinds = kinds_of(steps)
-        for shape in (rounded(steps, kinds), (steps, kinds)):
+        clear = self.clearance(field, rolled(start, steps))
+        for shape in (rounded(steps, kinds, clear), (steps, kinds)):
             steps_, kinds_ = resampled(*shape)
             targets = rolled(start, steps_)
             targets[-1] = goal
@@ -162,10 +164,11 @@ def rolled(start, steps):
     return poses
 
 
-def rounded(steps, kinds):
+def rounded(steps, kinds, clear=None):
     """Steps and kinds with small turns on the spot between two drives laid into the steps beside them.
 
-    The chair then need not stop for them; refinement finds the bend.
+    The chair then need not stop for them; refinement finds the bend. Not before what is narrow (``clear`` (n + 1,)
+    of the poses): there the turn is what makes the chair square in time.
     """
     steps, keep = steps.copy(), np.ones(len(kinds), bool)
     first = 0
@@ -175,7 +178,9 @@ def rounded(steps, kinds):
             last += 1
         before, after = kinds[first - 1] if first else 0, kinds[last] if last < len(kinds) else 0
         turn = float(np.sum(steps[first:last, 1]))
-        if kinds[first] == 0 and (abs(turn) < 0.03 or (before == after != 0 and abs(turn) < ROUND)):
+        soon = np.cumsum(np.abs(steps[last:, 0])) < ROUND_BEFORE
+        roomy = clear is None or np.min(clear[last:][:np.sum(soon) + 1], initial=np.inf) > ROOM
+        if kinds[first] == 0 and (abs(turn) < 0.03 or (before == after != 0 and abs(turn) < ROUND and roomy)):
             near = [k for k in range(first - 4, last + 4)
                     if 0 <= k < len(kinds) and kinds[k] != 0 and kinds[k] in (before, after)]
             if near:
