@@ -65,7 +65,8 @@ def draw(axis, detection, points):
     if len(refused) > 8:
         lines.append("... and %d more" % (len(refused) - 8))
     if not detection.doorways:
-        lines.insert(0, "no doorway: " + (detection.reason if not refused else "%d gap%s refused" % (len(refused), "s" * (len(refused) > 1))))
+        why = "%d gap%s refused" % (len(refused), "s" * (len(refused) > 1)) if refused else detection.reason
+        lines.insert(0, "no doorway: " + why)
     if lines:
         axis.text(0.01, 0.01, "\n".join(lines), transform=axis.transAxes, fontsize=8, va="bottom", zorder=7,
                   bbox={"boxstyle": "round", "fc": "white", "ec": "0.8", "alpha": 0.85})

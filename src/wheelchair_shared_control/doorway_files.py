@@ -102,7 +102,28 @@ def _pcd_header(path):
         raise FileError("%s: its PCD header is damaged" % path)
     if count < 0 or len(viewpoint) != 3 or not np.isfinite(viewpoint).all():
         raise FileError("%s: its PCD header is damaged" % path)
+    _check_length(path, words[1:], count, known)
     return count, known["FIELDS"], tuple(viewpoint)
+
+
+def _check_length(path, kind, count, known):
+    """Refuse a PCD file that ends early: the library would fill the rest up."""
+    with open(str(path), "rb") as stream:
+        content = stream.read()
+    start = content.index(b"\n", content.index(b"\nDATA") + 1) + 1
+    if kind == ["ascii"]:
+        held = sum(1 for line in content[start:].splitlines() if line.strip())
+    elif kind == ["binary"]:
+        try:
+            counts = [int(word) for word in known.get("COUNT", ["1"] * len(known["FIELDS"]))]
+            size = sum(int(word) * n for word, n in zip(known["SIZE"], counts))
+        except (KeyError, ValueError):
+            raise FileError("%s: its PCD header is damaged" % path)
+        held = (len(content) - start) // max(size, 1)
+    else:
+        return
+    if held < count:
+        raise FileError("%s: %d of the %d points that its header announces can be read" % (path, held, count))
 
 
 def _ply_header(path):

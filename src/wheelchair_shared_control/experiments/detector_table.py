@@ -61,12 +61,14 @@ def markdown(document):
         lines.append(_row("%.1f-%.1f m" % tuple(cell["distance_m"]), "%.0f-%.0f°" % tuple(cell["angle_deg"]), cell))
     lines.append(_row("**all**", "0-60°", document))
     precision = document["precision"]
-    lines += ["", "Precision %.3f (%.3f-%.3f, n = %d doorways told) over %d scenes, %d of them without an open door." % (
+    told = "Precision %.3f (%.3f-%.3f, n = %d doorways told) over %d scenes, %d of them without an open door." % (
         precision["value"] or 0.0, precision["low"], precision["high"], precision["n"], document["scenes"],
-        document["without_open_door"]), "", "| kind of scene | scenes | doors missed | false doorways |", "|---|---|---|---|"]
+        document["without_open_door"])
+    lines += ["", told, "", "| kind of scene | scenes | doors missed | false doorways |", "|---|---|---|---|"]
     for kind in sorted(document["kinds"]):
         entry = document["kinds"][kind]
-        lines.append("| %s | %d | %d | %d |" % (kind.replace("_", " "), entry["scenes"], entry["missed"], entry["false"]))
+        counts = entry["scenes"], entry["missed"], entry["false"]
+        lines.append("| %s | %d | %d | %d |" % ((kind.replace("_", " "),) + counts))
     return "\n".join(lines)
 
 
