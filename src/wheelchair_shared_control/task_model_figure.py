@@ -5,7 +5,7 @@ import numpy as np
 from wheelchair_shared_control.command_line import OutputError
 
 matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.pyplot as plt
 
 STEPS = 81
 SLOW, MODERATE = 0.2, 0.45  # m/s, the two paces of the demonstrations (Goil 2013, IV-C)
@@ -18,8 +18,9 @@ def draw(model, path):
     samples = model.training.samples.astype(float)
     middle = np.median(samples[:, [0, 2]])
     slices = [
-        ("$v$ = %.2f m/s, free ahead" % SLOW, 0, 2, (None, AHEAD, None, SLOW), np.abs(samples[:, 3] - SLOW) < 0.1),
-        ("$v$ = %.2f m/s, free ahead" % MODERATE, 0, 2, (None, AHEAD, None, MODERATE), np.abs(samples[:, 3] - MODERATE) < 0.1),
+        ("$v$ = %.2f m/s, free ahead" % v, 0, 2, (None, AHEAD, None, v), np.abs(samples[:, 3] - v) < 0.1)
+        for v in (SLOW, MODERATE)
+    ] + [
         ("$d_l = d_r$ = %.2f m" % middle, 3, 1, (middle, None, middle, None), np.ones(len(samples), bool)),
     ]
     labels = ("distance left $d_l$ [m]", "distance ahead $d_f$ [m]", "distance right $d_r$ [m]", "speed $v$ [m/s]")

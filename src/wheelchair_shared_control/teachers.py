@@ -46,7 +46,9 @@ def style(set_name, scene, index, settings, rng):
     own = getattr(settings, pace)
     speed = own.speed * (1.0 + settings.pace_spread * rng.uniform(-1.0, 1.0))
     distance = rng.uniform(own.start_low, own.start_high)
-    heading = settings.heading * rng.uniform(-1.0, 1.0)
+    offset = settings.offset * rng.uniform(-1.0, 1.0)
+    # nearly towards the door's axis already: the approach is plain, whatever side it comes from
+    heading = np.arctan2(-offset, settings.aim.lookahead) + settings.heading * rng.uniform(-1.0, 1.0)
     # in turn, and crosswise over the scenes: so neither side is preferred
     which = index // 2 % 3
     side = 1.0 if (index // 2 + index + SCENES.index(scene)) % 2 else -1.0
@@ -55,7 +57,7 @@ def style(set_name, scene, index, settings, rng):
         distance = own.range_distance * rng.uniform(0.9, 1.0)
     if turn_first:
         heading = settings.turn_first * side
-    start = np.array([-distance, settings.offset * rng.uniform(-1.0, 1.0), heading])
+    start = np.array([-distance, offset, heading])
     free = FREE_SIDES[scene]
     reach = settings.swing.exit * rng.uniform(0.8, 1.0)
     if not free:
@@ -121,7 +123,7 @@ class Teacher:
         s = self.settings.swing
         if self._swing_at is None or now - self._swing_at[0] >= s.time:
             end = self.style.first if self._swing_at is None else 1 - self._swing_at[1]
-            size, haste = self._rng.uniform(s.least, 1.0, 2)
+            size, haste = self._rng.uniform(s.least, 1.0), self._rng.uniform(s.slowest, 1.0)
             middle = 0.5 * (ends[0] + ends[1])
             # the end at the wall is kept to: only the open side is drawn
             target = ends[end] if ends[end] == 0.0 else middle + size * (ends[end] - middle)

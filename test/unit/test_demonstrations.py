@@ -1,4 +1,5 @@
 """Bags to samples: what is taken, what is left out and counted, and bags that cannot be read."""
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from wheelchair_shared_control import bags, demonstration_recorder, demonstrations, parameters
 from wheelchair_shared_control.bags import BagError
+from wheelchair_shared_control.task_model import TaskModel
 
 ROOT = Path(__file__).resolve().parents[2]
 LASER_BAG = ROOT.parent / "shared" / "data" / "laser_bag" / "subset.bag"
@@ -290,6 +292,30 @@ def test_train_writes_no_model_of_bags_that_say_nothing(tmp_path):
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert len(done.stderr.strip().splitlines()) == 2  # the bag's line, and that no model is written
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.bag"]
+
+
+def test_train_makes_a_model_and_adds_to_it(tmp_path):
+    rng = np.random.default_rng(0)
+    for name in ("a.bag", "b.bag"):
+        messages = []
+        for index in range(60):
+            stamp, w = 100 + index / 10.0, rng.normal() * 0.2
+            messages.append(("/odom", stamp, odometry(stamp, rng.uniform(0.2, 0.4), w)))
+            messages.append(("/cmd_vel", stamp, twist(0.3, w)))
+            messages.append(("/blender/state", stamp, state(stamp, rng.uniform(0, 2, 3))))
+        write(tmp_path / name, messages)
+    done = train(tmp_path / "a.bag", "--output", tmp_path / "model.npz", "--components", "2", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["components"] == 2 and document["samples"] == 60 == document["bags"][0]["samples"]
+    assert set(document["coverage"]) == {"1", "2"} and "2" in document["bic"]
+    # a person's own bag joins the samples that the model keeps; the first one again is noticed
+    first, mine = tmp_path / "model.npz", tmp_path / "mine.npz"
+    done = train(tmp_path / "b.bag", tmp_path / "a.bag", "--add", first, "--output", mine)
+    assert done.returncode == 0 and "same bag as a.bag" in done.stderr
+    model = TaskModel.load(tmp_path / "mine.npz")
+    assert len(model.training.samples) == 120
+    assert [entry["file"] for entry in model.training.provenance["bags"]] == ["a.bag", "b.bag"]
 
 
 @pytest.mark.skipif(not LASER_BAG.exists(), reason="../shared/data/laser_bag is not here")

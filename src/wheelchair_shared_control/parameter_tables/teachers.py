@@ -27,7 +27,7 @@ TABLE = [
     P("longest", float, "s", 5.0, 300.0, "a demonstration ends at the latest"),
     P("pace_spread", float, "", 0.0, 0.5, "teachers' speeds differ by this share, either way"),
     P("offset", float, "m", 0.0, 2.0, "starts lie beside the door's axis, either side"),
-    P("heading", float, "rad", 0.0, 1.5, "starts are turned off the door's normal, either way"),
+    P("heading", float, "rad", 0.0, 1.5, "starts are turned off the way to the door's axis, either way"),
     P("turn_first", float, "rad", 0.0, 2.0, "full set: so far off the way some start, and turn on the spot"),
     P("aim/lookahead", float, "m", 0.3, 3.0, "how far ahead on the axis a teacher looks"),
     P("aim/gain", float, "1/s", 0.2, 5.0, "turn rate per angle off the aim"),
@@ -39,6 +39,7 @@ TABLE = [
     P("swing/range", float, "rad", 0.0, 2.0, "full set: how far they turn off the way before the door"),
     P("swing/time", float, "s", 0.5, 10.0, "from one swing to the next"),
     P("swing/least", float, "", 0.0, 1.0, "the smallest swing, as a share of the largest"),
+    P("swing/slowest", float, "", 0.0, 1.0, "turn rate of the slowest swing, as a share of the largest"),
     P("hallway_end", float, "m", 1.0, 3.9, "as slow/end, at both paces, where the way goes on between walls"),
     P("exit_begin", float, "m", 0.36, 1.5, "base_link this far beyond the plane, the turn begins"),
 ]
