@@ -150,6 +150,19 @@ build() {
   echo "$now" > "$stamp"
 }
 
+# ---- hot loops --------------------------------------------------------------------------------------------
+
+# Numba compiles them at their first call and keeps the result beside the source. One episode calls them all, so
+# that the first demonstration does not drive while it compiles.
+compile_hot_loops() {
+  local stamp="$venv/compiled"
+  if [ -f "$stamp" ]; then return; fi
+  say "compiling the hot loops (a minute or two, once)"
+  PYTHONPATH="$root/src" "$venv/bin/python" "$root/scripts/evaluate" --seed 1 >/dev/null \
+    || fail "the first episode failed: see the line above"
+  touch "$stamp"
+}
+
 install_system_packages
 # Two calls at once (a demonstration beside the tests) wait for each other.
 mkdir -p "$workspace"
@@ -157,3 +170,4 @@ exec 9>"$workspace/lock"
 flock 9
 install_python_packages
 build
+compile_hot_loops
