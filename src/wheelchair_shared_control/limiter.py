@@ -11,7 +11,7 @@ from wheelchair_shared_control.values import STOP, Twist
 def within_limits(command, limits):
     """``command`` scaled down, keeping its arc, until speed and turn rate are within ``limits``."""
     excess = max(abs(command.v) / limits.speed, abs(command.w) / limits.turn_rate, 1.0)
-    return Twist(command.v / excess, command.w / excess)
+    return Twist(float(command.v / excess), float(command.w / excess))
 
 
 def approach(value, rate, target, max_rate, max_change, dt):

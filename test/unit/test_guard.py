@@ -112,6 +112,13 @@ def test_stops_before_it_meets(title, grid, command, duration, last):
     assert moved > 0.1
 
 
+def test_takes_numbers_of_numpy():
+    chair = Chair(POST_LEFT)
+    chair.drive(Twist(np.float64(0.3), np.float64(0.6)), 1.0)
+    chair.drive(Twist(np.float32(-0.3), np.float32(0.01)), 1.0)
+    assert chair.nearest > 0.018
+
+
 @pytest.mark.parametrize("dead_time", [0.1, 0.5])
 def test_knows_how_late_the_chair_answers(dead_time):
     chair = Chair(WALL_AHEAD, settings=SETTINGS.replace(**{"wheelchair/actuation/dead_time": dead_time}))
