@@ -194,8 +194,8 @@ def _examine(rays, line, gap, settings, stamp):
 
 
 def _narrow(rays, pair, walls, gaps, found, settings, stamp):
-    """A pair of points a door's width apart, examined if it goes along a wall that is seen at one of them, or is
-    seen from the front, and no gap of a wall lies across it.
+    """A pair of points a door's width apart, examined if it goes along a wall that is seen at one of them, and
+    no gap of a wall lies across it.
 
     Across the walls it may be the way past a half-open leaf, or behind a cupboard.
     """
@@ -208,9 +208,7 @@ def _narrow(rays, pair, walls, gaps, found, settings, stamp):
         across = gap.ends[1] - gap.ends[0]
         if np.hypot(*(gap.ends.mean(axis=0) - middle)) < 0.5 and abs(across @ along) < cosine * np.hypot(*across):
             return None, None
-    view = (middle - rays.origin[:2]) / max(np.hypot(*(middle - rays.origin[:2])), 1e-6)
-    frontal = abs(view @ along) < np.sin(np.radians(settings.narrow.view_angle))
-    if not (frontal or any(_goes_along(wall, pair, along, settings.narrow) for wall in walls)):
+    if not any(_goes_along(wall, pair, along, settings.narrow) for wall in walls):
         return None, None
     line = doorway_rays.line_from_points(pair[0], pair[1], rays.origin[:2])
     if (line.origin - rays.origin[:2]) @ line.normal < settings.wall.min_distance:

@@ -82,7 +82,6 @@ TABLE = [
     P("narrow/max_pairs", int, "", 0, 100, "narrows looked into"),
     P("narrow/wall_angle", float, "degree", 0.0, 90.0, "a narrow counts only along a wall, within this angle"),
     P("narrow/wall_distance", float, "m", 0.0, 5.0, "that is seen this near to one of its ends"),
-    P("narrow/view_angle", float, "degree", 0.0, 90.0, "or where it is seen at less than this off its normal"),
     P("narrow/angle_sigma", float, "rad", 0.0, 1.0, "standard deviation of a narrow's direction"),
     P("volume/margin", float, "m", 0.0, 0.3, "points this near to a jamb belong to the jamb"),
     P("volume/before", float, "m", 0.0, 1.0, "the door volume begins this far before the wall"),
