@@ -26,6 +26,7 @@ CREEP = 0.1
 # closer to the ragged edge of the cells than it stands. Turns have no such allowance.
 PASSING = 0.006
 STRAIGHT = 0.2
+EDGE = 0.012  # m beside the outline: a jamb may begin this much before the centre of its innermost cell
 LANE = 0.25  # m beyond the edge within which an obstacle closes the way straight on
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
@@ -228,7 +229,7 @@ class Guard:
         kinds = np.concatenate((np.zeros(len(still), int), np.ones(len(moved), int), unknown_kinds))
         solid = points[: len(still) + len(moved)]
         way_closed = [
-            sweep.way_is_closed(solid, pose, forward, LANE, box.front, box.rear, box.half_width)
+            sweep.way_is_closed(solid, pose, forward, LANE, box.front, box.rear, box.half_width + EDGE)
             for forward in (False, True)
         ]
         return points, velocities, kinds, 0.5 * scene.cell, way_closed
