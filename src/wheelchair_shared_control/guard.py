@@ -245,7 +245,7 @@ class Guard:
         swing = abs(command.w) * box.circumscribed_radius
         # 0 straight on, 1 for a turn on the spot or nearly so: the arc's shape, whatever its speed
         turning = min(2.0 * swing / (abs(command.v) + swing), 1.0)
-        if turning < STRAIGHT and way_closed[1 if command.v > 0.0 else 0]:
+        if command.v != 0.0 and way_closed[1 if command.v > 0.0 else 0]:
             turning = 1.0
         margin = (
             half_cell + settings.margin + settings.margin_turning * turning

@@ -85,6 +85,7 @@ DOOR = filled(filled(empty(), (0.9, 1.0), (-3.0, -0.4)), (0.9, 1.0), (0.4, 3.0))
 MEETINGS = [
     ("full speed at a wall", WALL_AHEAD, (0.6, 0.0), 4.0, STOPPED),
     ("walking pace at a wall", WALL_AHEAD, (0.2, 0.0), 6.0, STOPPED),
+    ("a slight curve into a wall", WALL_AHEAD, (0.34, -0.05), 6.0, STOPPED),
     ("a curve into a wall", WALL_AHEAD, (0.6, 0.3), 5.0, STOPPED),
     ("turning on the spot beside a wall: the front corner swings into it", WALL_LEFT, (0.0, 1.0), 4.0, STOPPED),
     ("turning on the spot away from a wall: the rear corner swings into it", WALL_LEFT, (0.0, -1.0), 4.0, STOPPED),
