@@ -21,6 +21,7 @@ MARK = "WSC_TEST_RUN"
 # rostest starts a master and nodes around the programs, whose own deadlines it keeps.
 ROSTEST_OVERHEAD = 60.0
 DEFAULT_TIME_LIMIT = 60.0
+UNIT_DEADLINE = 600.0
 
 
 class Tally:
@@ -154,12 +155,15 @@ def unit(tally, results, only=None):
     module = ROOT / "test" / "unit" / ("test_%s.py" % (only or "").replace("test_", ""))
     selection = [] if only is None else [module] if module.exists() else ["-k", only]
     # Not captured: the progress is worth seeing.
-    code = subprocess.call(
-        [sys.executable, "-m", "pytest", "-q", "--junitxml=%s" % path, *map(str, selection)],
-        cwd=str(ROOT), timeout=600)
+    command = [sys.executable, "-m", "pytest", "-q", "--junitxml=%s" % path, *map(str, selection)]
+    try:
+        code = subprocess.call(command, cwd=str(ROOT), timeout=UNIT_DEADLINE)
+    except subprocess.TimeoutExpired:
+        return tally.add("unit", "deadline of %.0f s passed" % UNIT_DEADLINE)
     tally.add_junit("unit", path)
     if code not in (0, 1):
         tally.add("unit", "pytest ended with code %d" % code)
+    return None
 
 
 def deadline_of(test_file):

@@ -175,8 +175,11 @@ def depth_of(message):
     if kind == "u2":
         depth = image.astype(np.float32) * np.float32(0.001)
         depth[image == 0] = np.nan
-        return depth
-    return image.astype(np.float32, copy=False)
+    else:
+        depth = image.astype(np.float32, copy=False)
+    # read-only whatever the encoding: numba compiles its functions once more for writable arrays
+    depth.setflags(write=False)
+    return depth
 
 
 def fill_depth(message, image, encoding="32FC1"):
@@ -286,8 +289,10 @@ def grid_of(message):
     origin = pose_of(info.origin)
     if abs(origin[2]) > 1e-3:
         raise ConversionError("grid: an origin turned by %g rad is not supported" % origin[2])
+    cells = cells.reshape(info.height, info.width)
+    cells.setflags(write=False)
     return Grid(
-        cells.reshape(info.height, info.width), float(info.resolution), (float(origin[0]), float(origin[1])),
+        cells, float(info.resolution), (float(origin[0]), float(origin[1])),
         seconds(message.header.stamp),
     )
 
@@ -307,6 +312,7 @@ def updated_grid(grid, message):
     cells[message.y : message.y + message.height, message.x : message.x + message.width] = patch.reshape(
         message.height, message.width
     )
+    cells.setflags(write=False)
     return grid._replace(cells=cells, stamp=seconds(message.header.stamp))
 
 

@@ -63,7 +63,9 @@ class CostmapSnapshot(NamedTuple):
 
 def to_grid(snapshot):
     """The snapshot with the values of ``nav_msgs/OccupancyGrid``: 0, 1..98, 99, 100, -1."""
-    return Grid(_WIRE[snapshot.cost], snapshot.resolution, snapshot.origin, snapshot.stamp)
+    cells = _WIRE[snapshot.cost]
+    cells.setflags(write=False)  # as a grid that came as a message
+    return Grid(cells, snapshot.resolution, snapshot.origin, snapshot.stamp)
 
 
 def _wire_values():

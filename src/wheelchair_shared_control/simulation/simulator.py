@@ -139,7 +139,9 @@ class Simulator:
 
     def depth(self):
         """A depth frame of now."""
-        return Depth(self.time, self._depth_camera.frame(self._boxes(), self.chair.pose))
+        image = self._depth_camera.frame(self._boxes(), self.chair.pose)
+        image.setflags(write=False)  # as an image that came as a message
+        return Depth(self.time, image)
 
     def ranges(self):
         """Readings of the six rangers of now."""
