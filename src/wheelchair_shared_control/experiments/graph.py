@@ -81,6 +81,7 @@ class Detector:
         from wheelchair_shared_control import doorway, doorway_tracker
 
         self._detect = doorway.detect_depth
+        self._in_frame = doorway_tracker.in_frame
         self._tracker = doorway_tracker.DoorwayTracker(settings)
         self._camera, self._base_from_camera, self._settings = camera, base_from_camera, settings
 
@@ -89,12 +90,7 @@ class Detector:
         found = self._detect(
             depth.image, self._camera, self._base_from_camera, self._settings, seed=DETECTOR_SEED, stamp=depth.stamp
         )
-        seen = [
-            doorway._replace(
-                pose=se2.compose(odom_pose, doorway.pose), jambs=se2.transform_points(odom_pose, doorway.jambs)
-            )
-            for doorway in found.doorways
-        ]
+        seen = [self._in_frame(odom_pose, doorway) for doorway in found.doorways]
         return tuple(self._tracker.update(seen, odom_pose, depth.stamp)), found.reason
 
 
