@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wheelchair_shared_control import blending, parameters, se2, users
+from wheelchair_shared_control import blending, parameters, users
 from wheelchair_shared_control import camera as cameras
 from wheelchair_shared_control.assistance import ASSISTING, FAULT, Assistance, AssistanceInputs
 from wheelchair_shared_control.costmap import Costmap, to_grid
