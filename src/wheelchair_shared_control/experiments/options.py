@@ -92,7 +92,14 @@ def count(low, high):
 def numbers(low, high, unit=""):
     """An argparse type: numbers within ``low`` to ``high``, separated by commas."""
     one = number(low, high, unit)
-    return lambda text: [one(part) for part in text.split(",") if part]
+
+    def parse(text):
+        values = [one(part) for part in text.split(",") if part]
+        if not values:
+            raise argparse.ArgumentTypeError("needs at least one number")
+        return values
+
+    return parse
 
 
 def add_episode_options(parser, without=()):

@@ -124,6 +124,10 @@ class Navigator:
         forward command, None where no person drives: then, and while the person does not push forward, the chair may
         reverse. ``candidates``: keep the trajectories that were looked at.
         """
+        if user_v is not None:
+            # as the blender takes it: within the chair's limits, and what is not finite is nobody's
+            limit = self.settings.wheelchair.limits.speed
+            user_v = min(max(user_v, -limit), limit) if np.isfinite(user_v) else None
         if self.status != ACTIVE:
             command = STOP if self._zero_due else None
             self._zero_due = False
