@@ -5,6 +5,7 @@ import pytest
 from wheelchair_shared_control.experiments import graph, options, results
 from wheelchair_shared_control.experiments.episode import Episode
 from wheelchair_shared_control.simulation.simulator import Simulator
+from wheelchair_shared_control.simulation.world import SceneError
 
 SMALL = options.CAMERAS["160x120"]
 CLOSE = dict(start_distance=(1.6, 1.6), start_heading=(0.0, 0.0), start_offset=(0.0, 0.0))
@@ -60,3 +61,12 @@ def test_equal_seeds_give_equal_bits():
 def test_a_seed_gives_every_policy_the_same_start():
     starts = [Episode(options.Options(policy=policy), seed=5).setup.start for policy in ("user", "planner")]
     assert np.array_equal(*starts)
+
+
+def test_a_scene_without_a_door_is_refused_by_its_name(tmp_path):
+    path = tmp_path / "box.yaml"
+    path.write_text(
+        "boxes: [{name: b, x: 2.0, y: 0.0, z: 0.5, length: 0.5, width: 0.5, height: 1.0}]\n", encoding="utf-8"
+    )
+    with pytest.raises(SceneError, match="box.yaml: has no door"):
+        Episode(options.Options(scene=str(path)), seed=1)

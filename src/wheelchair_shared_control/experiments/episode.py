@@ -9,6 +9,7 @@ from wheelchair_shared_control.experiments.recorder import Recorder
 from wheelchair_shared_control.experiments.referee import Referee, Verdict
 from wheelchair_shared_control.simulation import doors, person, scenes
 from wheelchair_shared_control.simulation.simulator import Simulator
+from wheelchair_shared_control.simulation.world import SceneError
 from wheelchair_shared_control.values import STOP, Twist
 
 ESCAPE_TIME = 5.0  # s with the stick pushed the opposite way
@@ -36,7 +37,10 @@ def description(options, seed):
 
 
 class Episode:
-    """A run of the graph under the eyes of a referee; ``run`` gives the result, ``log`` the ticks."""
+    """A run of the graph under the eyes of a referee; ``run`` gives the result, ``log`` the ticks.
+
+    Raises SceneError where there is no door to cross.
+    """
 
     def __init__(self, options, seed, settings=None):
         self.options, self.seed = options, int(seed)
@@ -45,6 +49,8 @@ class Episode:
         self.footprint = footprints.from_settings(wheelchair)
         scene = description(options, seed)
         self.setup = scenes.setup(scene, seed, wheelchair)
+        if self.setup.door is None:
+            raise SceneError("%s: has no door to cross" % (options.map or options.scene))
         self.side = scene.get("side")
         self.log = None
 
