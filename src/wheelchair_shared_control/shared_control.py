@@ -281,7 +281,7 @@ class SharedControl:
             self._ranges.update(inputs.ranges, odometry.pose)
         ranger, ages["ranges"] = self._ranges.oldest(inputs.now)
         problem = ""
-        if ages["odom"] > limits.odom:
+        if abs(ages["odom"]) > limits.odom:
             problem = _too_old("odometry", ages["odom"], limits.odom)
         elif self.settings.rangers and ages["ranges"] > limits.ranges:
             problem = _too_old("ranger ir_" + ranger, ages["ranges"], limits.ranges)
@@ -293,7 +293,7 @@ class SharedControl:
         self._dead_costmap = dead
         if dead and not problem and not self.settings.rangers:
             problem = "no costmap, and no rangers to drive by"
-        if not dead and not problem and ages["costmap"] > limits.costmap:
+        if not dead and not problem and abs(ages["costmap"]) > limits.costmap:
             problem = _too_old("costmap", ages["costmap"], limits.costmap)
         grid = None if dead else inputs.grid
         points = self._ranges.points()
@@ -392,6 +392,8 @@ def _usable(prediction):
 def _too_old(what, age, limit):
     if age > 1e6:  # never, or a stamp of 0
         return "no %s yet" % what
+    if age < 0.0:  # another computer's clock: how old it really is, nobody knows
+        return "%s is stamped %.1f s in the future, limit %g s" % (what, -age, limit)
     return "%s is %.1f s old, limit %g s" % (what, age, limit)
 
 

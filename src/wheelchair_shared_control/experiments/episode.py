@@ -70,12 +70,12 @@ class Episode:
         ``watch(graph, simulator)`` is called after every tick of the blender.
         """
         if self.setup.start is None:
-            return results.not_driven(self.seed, Verdict("no_start", "no pose fits the rule for starts"))
+            return self._not_driven("no pose fits the rule for starts")
         walker = None
         if self.options.person:
             walker = self._person()
             if walker is None:
-                return results.not_driven(self.seed, Verdict("no_start", "no person fits across the chair's way"))
+                return self._not_driven("no person fits across the chair's way")
         simulator = Simulator(
             self.world, self.settings.simulator, self.seed, self.setup.start, self.options.camera, walker
         )
@@ -83,6 +83,14 @@ class Episode:
             return self._drive(simulator, watch)
         finally:
             simulator.close()
+
+    def _not_driven(self, reason):
+        return results.not_driven(self.seed, Verdict("no_start", reason), self._extra(None, None))
+
+    def _extra(self, front_touch_speed, escape):
+        return {
+            "front_touch_speed": front_touch_speed, "escape_m": escape, "door": self.door.name, "side": self.side,
+        }
 
     def _person(self):
         """Who walks across the undisturbed motion of this episode, or None."""
@@ -112,10 +120,8 @@ class Episode:
                 simulator.time, simulator.truth().pose, touched, graph.assistance.state, graph.refusal
             )
         self.log = recorder.log()
-        extra = {"front_touch_speed": front_touch_speed(simulator.touches, self.footprint), "escape_m": None,
-            "door": self.door.name, "side": self.side}
-        if verdict.outcome == "standstill":
-            extra["escape_m"] = self._escape(graph, simulator)
+        escape = self._escape(graph, simulator) if verdict.outcome == "standstill" else None
+        extra = self._extra(front_touch_speed(simulator.touches, self.footprint), escape)
         return results.of_log(
             self.seed, verdict, self.log, self.settings.navigation.wheelchair, extra
         )

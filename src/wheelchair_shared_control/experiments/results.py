@@ -48,14 +48,16 @@ def _hand_and_motion(log, limits):
     return {name: None if value is None or not np.isfinite(value) else value for name, value in values.items()}
 
 
-def not_driven(seed, verdict):
-    """Result of an episode that could not begin."""
-    return {
+def not_driven(seed, verdict, extra=None):
+    """Result of an episode that could not begin; ``extra`` fields come last."""
+    result = {
         "seed": int(seed), "outcome": verdict.outcome, "reason": verdict.reason, "duration_s": None,
         "min_clearance_m": None, "user_share": {name: None for name in ("all",) + metrics.PHASES},
         "v_share": None, "beta": None, "guard_active": None, "path_length_m": None, "clearance_p05_m": None,
         "disagreement": None, "guard_stops": None, "effort": None, "reversals": None, "sparc": None, "ldlj": None,
     }
+    result.update(extra or {})
+    return result
 
 
 def sentence(result):

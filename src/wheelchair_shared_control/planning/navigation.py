@@ -167,13 +167,13 @@ class Navigator:
         s = self.settings
         if odometry is None:
             return "no odometry"
-        if now - odometry.stamp > s.odom_timeout:
+        if abs(now - odometry.stamp) > s.odom_timeout:  # also from the future: another computer's clock
             return "odometry is %.1f s old, limit %.1f s" % (now - odometry.stamp, s.odom_timeout)
         if not np.all(np.isfinite(odometry.pose)) or not np.all(np.isfinite(odometry.twist)):
             return "odometry is not finite"
         if snapshot is None:
             return "no costmap"
-        if not now - snapshot.stamp <= s.costmap_timeout:
+        if not abs(now - snapshot.stamp) <= s.costmap_timeout:
             return "costmap is %.1f s old, limit %.1f s" % (now - snapshot.stamp, s.costmap_timeout)
         return ""
 
