@@ -119,6 +119,7 @@ class SharedControl:
         self._fault = ""
         self._centre = ""  # why the stick must be centred before the chair moves again
         self._dead_costmap = False
+        self._late, self._late_since = "", None  # the task model's answer: why it is late, and since when
         self._silent = True
         self._by_policy = False
         self._cached = (None, None)
@@ -191,6 +192,8 @@ class SharedControl:
             reason = user_problem
         elif self._centre and not alone:
             reason = self._centre + "; centre the stick to drive on"
+        elif self._late:
+            reason = self._late
         else:
             drives, stopped = True, False
             result, reason = self._command(inputs, prediction, user, sensors)
@@ -333,10 +336,14 @@ class SharedControl:
             if inputs.assistance == FAULT and not self._fault and shared:
                 self._centre = "the assistance ended with a fault"
             self._fault = ""
+        self._late = ""
         if not self._assisting(inputs):
+            self._late_since = None
             return
         limits, began = self.settings.ages, inputs.now - self._assisting_since
         planner_age, prediction_age = min(ages["planner"], began), min(ages["prediction"], began)
+        if prediction_age <= limits.prediction:
+            self._late_since = None
         if sensors.degraded:
             self._end_assistance("no costmap")
         elif self._needs_planner and planner_age > limits.planner:
@@ -346,8 +353,13 @@ class SharedControl:
         elif self._needs_planner and not inputs.planner_planar:
             self._end_assistance("planner's command leaves the plane")
         elif self._needs_prediction and prediction_age > limits.prediction:
-            old = _too_old("task model's answer", ages["prediction"], limits.prediction)
-            self._end_assistance(inputs.model_reason or old)
+            # A blender that was held up itself finds its last answer old; the next one is a tick away. So the chair
+            # ramps down at once, and the assistance ends where no answer comes for as long again.
+            late = _too_old("task model's answer", ages["prediction"], limits.prediction)
+            self._late_since = inputs.now if self._late_since is None else self._late_since
+            self._late = inputs.model_reason or late
+            if inputs.now - self._late_since > limits.prediction:
+                self._end_assistance(self._late)
         elif self._needs_prediction and prediction is not None and not _usable(prediction):
             self._end_assistance("task model's answer is not finite")
 
