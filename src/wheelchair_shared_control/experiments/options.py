@@ -1,4 +1,4 @@
-"""The options that describe an episode: one table for ``evaluate``, ``replay``, ``compare`` and the demo."""
+"""The options that describe an episode: one table for ``evaluate``, ``compare`` and the demo."""
 import argparse
 import math
 from pathlib import Path
