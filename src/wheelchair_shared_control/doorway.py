@@ -100,6 +100,7 @@ def warm_up(settings):
     image = np.full((48, 64), 2.0, np.float32)
     image[:, 20:44] = 4.0
     image[:6] = np.nan  # invalid pixels, as every real image has: the kernels see views of longer arrays
+    image.setflags(write=False)  # as an image that came as a message: another form of the kernels
     detect_depth(image, camera, base_from_camera_of(0.0, 1.1, 0.0), settings)
     rays = doorway_rays.from_image(image, camera, base_from_camera_of(0.0, 1.1, 0.0), settings)
     line = doorway_rays.line_from_normal((1.0, 0.0), (2.0, 0.0), (0.0, 0.0))

@@ -128,6 +128,7 @@ class SharedControl:
         """Compile (or load) what is compiled, so that the first tick is as fast as any; then forget it."""
         grid = Grid(np.full((40, 40), -1, dtype=np.int8), 0.05, (-1.0, -1.0), 0.0)
         grid.cells[20:22, 38] = 100
+        grid.cells.setflags(write=False)  # as a grid that came as a message: another form of the kernels
         still = Odometry(0.0, np.zeros(3), STOP)
         inputs = Inputs(
             0.0, Twist(0.3, 0.3), 0.0, Twist(0.3, 0.0), 0.0, still, grid, 0.0, Ranges(0.0, np.full(6, np.inf)),

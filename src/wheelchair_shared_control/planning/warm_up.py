@@ -18,6 +18,7 @@ def warm_up(settings):
         kind = getattr(settings.local_costmap, name).data_type
         if kind == "Image":
             image = np.full((camera.height, camera.width), 2.0, np.float32)
+            image.setflags(write=False)  # as an image that came as a message: another form of the kernels
             costmap.insert_depth(image, camera, odom_from_camera, now, source=name)
         elif kind == "PointCloud2":
             y, z = np.meshgrid(np.linspace(-1.0, 1.0, 50), np.linspace(0.1, 1.2, 20))
