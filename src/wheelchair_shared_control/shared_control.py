@@ -345,7 +345,8 @@ class SharedControl:
         planner_age, prediction_age = min(ages["planner"], began), min(ages["prediction"], began)
         if prediction_age <= limits.prediction:
             self._late_since = None
-        if sensors.degraded:
+        if sensors.degraded and began > limits.costmap_silence:
+            # one that is only late, as when all nodes start at once, comes within that time
             self._end_assistance("no costmap")
         elif self._needs_planner and planner_age > limits.planner:
             self._end_assistance(_too_old("planner's command", ages["planner"], limits.planner))

@@ -193,6 +193,14 @@ class TestDegraded:
         run = driving(assistance=ASSISTING)
         assert "no costmap" in run.go(3.0, dead=["grid", "grid_received"])[-1].fault
 
+    def test_a_costmap_that_is_late_does_not_end_the_assistance(self):
+        run = Run()
+        run.stamps.update(grid=-math.inf, grid_received=-math.inf)
+        run.go(2.0, dead=["grid", "grid_received"], user=CENTRE)
+        assert run.go(0.7, assistance=ASSISTING)[-1].guard == DEGRADED
+        # comes 0.7 s after the button, within 1 s
+        assert run.go(2.0, dead=[], user=AHEAD)[-1].assisting and not run.log[-1].fault
+
     def test_no_costmap_ever(self):
         run = Run()
         run.dead = {"grid", "grid_received"}
