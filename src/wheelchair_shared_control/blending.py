@@ -6,53 +6,18 @@ long as one assistance. ``POLICIES`` is the table that node, experiments and ben
 import importlib.util
 import math
 from pathlib import Path
-from typing import Any, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from wheelchair_shared_control import sweep
 from wheelchair_shared_control.errors import Error
-from wheelchair_shared_control.values import STOP, Doorway, Twist
+from wheelchair_shared_control.policy import STICK_AT_REST, PolicyResult, at_rest
+from wheelchair_shared_control.policy import Tick as Tick  # the contract, for whoever looks for it here
+from wheelchair_shared_control.values import Twist
 
 
 class PolicyError(Error):
     """A policy is unknown or its file cannot be used."""
-
-
-class Tick(NamedTuple):
-    """All that a policy may look at in one tick; frames: odom, and ``base_link`` for velocities.
-
-    ``user`` and ``planner`` are finite and within the chair's limits. ``features`` are d_l, d_f, d_r [m];
-    ``clearance`` [m] is the footprint's distance to the nearest obstacle; ``prediction`` is the task model's
-    answer or None; ``density_floor`` the 5 % quantile of its training set's log density (NaN if unknown);
-    ``points`` (n, 2) [m] are the lethal cells and range readings around the chair; ``settings`` the blender's.
-    """
-
-    now: float
-    user: Twist
-    planner: Twist
-    pose: np.ndarray
-    twist: Twist
-    features: Tuple[float, float, float]
-    clearance: float
-    prediction: Any
-    density_floor: float
-    grid: Any
-    points: np.ndarray
-    goal: Optional[np.ndarray]
-    doorway: Optional[Doorway]
-    doorways: Tuple[Doorway, ...]
-    settings: Any
-
-
-class PolicyResult(NamedTuple):
-    """``command`` before the limiter; ``beta`` the user's weight, None where the policy has none;
-    ``reason`` in words; ``sigma`` [rad/s] that entered Eq. 2, NaN where none did."""
-
-    command: Twist
-    beta: Optional[float]
-    reason: str = ""
-    sigma: float = math.nan
 
 
 # ---- the paper's equations -----------------------------------------------------------------------------
@@ -110,15 +75,7 @@ def blend(user, planner, sigma):
     return Twist(v, w), beta
 
 
-def at_rest(user, settings):
-    """Whether the stick is inside its dead zone."""
-    return abs(user.v) < settings.stick.dead_zone_v and abs(user.w) < settings.stick.dead_zone_w
-
-
 # ---- the policies --------------------------------------------------------------------------------------
-
-STICK_AT_REST = PolicyResult(STOP, None, "the stick is at rest")
-
 
 def user(tick, memory):
     """The person drives alone: u_H."""

@@ -145,6 +145,13 @@ class Navigator:
         if self._oscillates(now, odometry):
             return self._abort("no progress of %.2f m within %.0f s" % (
                 self.settings.oscillation_distance, self.settings.oscillation_timeout))
+        return self._drive(now, odometry, field, user_v, candidates)
+
+    def _drive(self, now, odometry, field, user_v, candidates):
+        """Decision towards a goal that is not reached, over a costmap that is fresh: what a rival planner replaces.
+
+        ``field``: clearance.Field that reaches to the goal; the rest as in ``update``.
+        """
         acting, anchor = self._predict(now, odometry, user_v)
         moving = -1 if abs(acting[3]) < 0.1 else (0 if acting[3] > 0.0 else 1)
         if self._looks:
