@@ -152,6 +152,16 @@ class Graph:
         return self._ranges
 
     @property
+    def odometry(self):
+        """The odometry of this tick."""
+        return self._odometry
+
+    @property
+    def doorways(self):
+        """The newest doorways in odom, None before the detector was asked."""
+        return self._doorways
+
+    @property
     def decision(self):
         """The navigator's newest decision."""
         return self._decision
