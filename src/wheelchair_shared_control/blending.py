@@ -13,6 +13,11 @@ from wheelchair_shared_control import sweep
 from wheelchair_shared_control.errors import Error
 from wheelchair_shared_control.policy import STICK_AT_REST, PolicyResult, at_rest
 from wheelchair_shared_control.policy import Tick as Tick  # the contract, for whoever looks for it here
+from wheelchair_shared_control.rivals.efficiency import efficiency
+from wheelchair_shared_control.rivals.intent import intent
+from wheelchair_shared_control.rivals.minimax import minimax
+from wheelchair_shared_control.rivals.minimum_vfh import minimum_vfh
+from wheelchair_shared_control.rivals.winner_takes_all import winner_takes_all
 from wheelchair_shared_control.values import Twist
 
 
@@ -194,11 +199,16 @@ POLICIES = {
     "distance": distance,
     "learned_confidence": learned_confidence,
     "assisted_teleop": assisted_teleop,
+    "efficiency": efficiency,
+    "minimax": minimax,
+    "intent": intent,
+    "winner_takes_all": winner_takes_all,
+    "minimum_vfh": minimum_vfh,
 }
 
 # What each policy cannot do without; one that is not listed (a function of one's own) is given all there is.
 NEEDS_PREDICTION = {"learned_variance", "learned_confidence"}
-NEEDS_NO_PLANNER = {"user", "assisted_teleop"}
+NEEDS_NO_PLANNER = {"user", "assisted_teleop", "intent", "minimum_vfh"}
 
 
 def load_policy(name):

@@ -10,7 +10,7 @@ from wheelchair_shared_control import blending, parameters, users
 from wheelchair_shared_control import camera as cameras
 from wheelchair_shared_control.assistance import ASSISTING, FAULT, Assistance, AssistanceInputs
 from wheelchair_shared_control.costmap import Costmap, to_grid
-from wheelchair_shared_control.planning.navigation import Navigator
+from wheelchair_shared_control.planning import planners
 from wheelchair_shared_control.shared_control import Inputs, SharedControl
 from wheelchair_shared_control.simulation import true_doorway
 from wheelchair_shared_control.simulation.scenes import USER_STREAM, stream
@@ -111,7 +111,7 @@ class Graph:
         self._camera = cameras.scaled(cameras.from_settings(wheelchair), width, height)
         self._base_from_camera = cameras.mounting(wheelchair)
         self._costmap = Costmap(s.navigation.local_costmap, wheelchair)
-        self._navigator = Navigator(s.navigation)
+        self._navigator = planners.make(s.navigation, options.planner)
         self._assistance = Assistance(s.assistant)
         self._detector = Detector(self._camera, self._base_from_camera, s.detector) if options.detector else None
         self._blender = SharedControl(s.blender, options.policy, options.guard)

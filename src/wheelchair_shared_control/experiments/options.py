@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import NamedTuple, Optional, Tuple
 
 from wheelchair_shared_control.errors import Error
+from wheelchair_shared_control.parameter_tables.move_base import PLANNERS
 
 SCENES = ("open", "left_wall", "right_wall", "hallway")
 USERS = ("goal_directed", "hard_left", "hard_right", "away", "frozen", "tremor", "switch", "random")
-PLANNERS = ("move_base",)
 CAMERAS = {"640x480": (640, 480), "160x120": (160, 120)}
 
 

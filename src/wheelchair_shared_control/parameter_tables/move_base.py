@@ -38,7 +38,9 @@ TABLE = [
 ]
 
 # --- planner ---------------------------------------------------------------------------------------------
+PLANNERS = ("move_base", "potential_field", "bezier")
 TABLE += [
+    P("base_local_planner", str, "", None, None, "what plans: move_base is ours, the others are rivals", PLANNERS),
     P("controller_frequency", float, "Hz", 2.0, 100.0, "commands"),
     P("planner_frequency", float, "Hz", 0.1, 20.0, "searches for a better path while one is followed"),
     P("controller_patience", float, "s", 0.1, 60.0, "without a legal command: then recovery, then abort"),
@@ -64,6 +66,23 @@ TABLE += [
     P("planner/min_clearance", float, "m", 0.0, 0.2, "least distance to a lethal cell's centre that is planned"),
     P("planner/margin", float, "m", 0.0, 0.2, "no command brings a lethal cell's centre closer at standstill"),
     P("planner/margin_per_speed", float, "s", 0.0, 0.5, "added to it per m/s of the outermost corner"),
+]
+
+# --- the rival planners ------------------------------------------------------------------------------------
+TABLE += [
+    P("potential_field/far", float, "m", 0.05, 10.0, "nearer to the goal its attraction falls in proportion"),
+    P("potential_field/repulsion", float, "m2", 0.0, 1.0, "eta: repulsion in units of the attraction"),
+    P("potential_field/reach", float, "m", 0.05, 1.5, "r0: what is farther away does not repel"),
+    P("potential_field/closest", float, "m", 0.005, 0.5, "smallest r that the repulsion is computed for"),
+    P("potential_field/speed_gain", float, "m/s", 0.01, 10.0, "speed per force along the heading"),
+    P("potential_field/turn_gain", float, "rad/s", 0.01, 100.0, "turn rate per force across"),
+    P("bezier/door_before_goal", float, "m", 0.0, 5.0, "the door lies so far behind the goal"),
+    P("bezier/hand_over", float, "m", 0.0, 5.0, "nearer to the door the curve goes to the goal"),
+    P("bezier/aside", float, "rad", 0.1, 3.2, "a target farther off the heading is turned to first"),
+    P("bezier/square", float, "m", 0.0, 5.0, "the point to turn to lies so far before the door"),
+    P("bezier/near", float, "m", 0.0, 2.0, "this near to that point the chair turns to the door's normal"),
+    P("bezier/turned", float, "rad", 0.01, 1.0, "a turn on the spot with no more left is done"),
+    P("bezier/clearance_weight", float, "1/m3", 0.0, 10000.0, "of missing clearance against bending"),
 ]
 
 DATA_TYPES = ("Image", "PointCloud2", "LaserScan", "Range")

@@ -161,6 +161,10 @@ class Navigator:
         path, reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING, moving)
         if path is None:
             return self._without_path(now, reason)
+        return self._along(now, field, acting, path, candidates)
+
+    def _along(self, now, field, acting, path, candidates):
+        """Decision to drive the first steps of ``path``, or as much of that as stays clear."""
         command = self._follow(field, path)
         legal = self._legal(field, acting, command, path)
         kept = Candidates(*legal[1:]) if candidates else None

@@ -3,14 +3,14 @@ import numpy as np
 
 from wheelchair_shared_control import camera as cameras
 from wheelchair_shared_control.costmap import Costmap
-from wheelchair_shared_control.planning.navigation import Navigator
+from wheelchair_shared_control.planning import planners
 from wheelchair_shared_control.values import RANGERS, Odometry, Ranges, Twist
 
 
 def warm_up(settings):
     """Look at a wall with every source of ``settings`` (group ``move_base``), and drive towards it for a moment."""
     pose, now = np.zeros(3), 1.0
-    costmap, navigator = Costmap(settings.local_costmap, settings.wheelchair), Navigator(settings)
+    costmap, navigator = Costmap(settings.local_costmap, settings.wheelchair), planners.make(settings)
     costmap.move_to(pose)
     camera = cameras.from_settings(settings.wheelchair)
     odom_from_camera = cameras.mounting(settings.wheelchair)
