@@ -13,6 +13,7 @@ from wheelchair_shared_control import sweep
 from wheelchair_shared_control.errors import Error
 from wheelchair_shared_control.policy import STICK_AT_REST, PolicyResult, at_rest
 from wheelchair_shared_control.policy import Tick as Tick  # the contract, for whoever looks for it here
+from wheelchair_shared_control.rivals.case_based import case_based
 from wheelchair_shared_control.rivals.efficiency import efficiency
 from wheelchair_shared_control.rivals.intent import intent
 from wheelchair_shared_control.rivals.minimax import minimax
@@ -202,13 +203,14 @@ POLICIES = {
     "efficiency": efficiency,
     "minimax": minimax,
     "intent": intent,
+    "case_based": case_based,
     "winner_takes_all": winner_takes_all,
     "minimum_vfh": minimum_vfh,
 }
 
 # What each policy cannot do without; one that is not listed (a function of one's own) is given all there is.
 NEEDS_PREDICTION = {"learned_variance", "learned_confidence"}
-NEEDS_NO_PLANNER = {"user", "assisted_teleop", "intent", "minimum_vfh"}
+NEEDS_NO_PLANNER = {"user", "assisted_teleop", "intent", "case_based", "minimum_vfh"}
 
 
 def load_policy(name):
@@ -234,6 +236,16 @@ def load_policy(name):
     if not callable(policy):
         raise PolicyError("policy '%s': %s has no function '%s'" % (name, path, function))
     return policy
+
+
+def prepare(policy, settings):
+    """What a policy does once before its first tick: its own ``prepare(settings)``, if it carries one."""
+    own = getattr(policy, "prepare", None)
+    if own is not None:
+        try:
+            own(settings)
+        except Error as error:
+            raise PolicyError(str(error))
 
 
 def decided(policy, tick, memory):

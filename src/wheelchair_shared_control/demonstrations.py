@@ -103,7 +103,7 @@ def read(path, settings, topics=None, source="auto", navigation=None):
             )
         if source == "auto":
             source = "recorded" if topics["features"] in bag.topics else "raw"
-        log = _read_log(bag, topics)
+        log = read_log(bag, topics)
         if not len(log.odometry):
             raise BagError("%s: no usable odometry on topic '%s'" % (path, topics["odom"]))
         if source == "recorded":
@@ -249,7 +249,7 @@ def _recorded_features(bag, topics):
     return np.array(stamps), np.array(distances).reshape(-1, 3)
 
 
-def _read_log(bag, topics):
+def read_log(bag, topics):
     odometry, sent, user, assisting, offsets, base_frame = [], [], [], [], [], "base_link"
     malformed = 0
     for topic, kind, time, message in bag.messages([topics[name] for name in ("odom", "cmd_vel", "user",

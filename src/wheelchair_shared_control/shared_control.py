@@ -96,6 +96,7 @@ class SharedControl:
         self.guard_on = settings.guard if guard_on is None else guard_on
         self.density_floor = density_floor
         self._policy = blending.load_policy(self.policy_name)
+        blending.prepare(self._policy, settings)
         self._needs_prediction = blending.needs_prediction(self.policy_name)
         self._needs_planner = blending.needs_planner(self.policy_name)
         self._footprint = outline.from_settings(settings.wheelchair)

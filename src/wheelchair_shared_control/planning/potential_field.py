@@ -4,7 +4,7 @@ Attraction acts on the middle of the front edge, of size 1 far from the goal and
 
     F = D / max(|D|, far)                              D: from the front's place to where it is at the goal
 
-Repulsion acts on points about the outline (Khatib's points subjected to the potential), each from what is nearest to it:
+Repulsion acts on points about the outline (Khatib's points subjected to the potential), each from what is nearest:
 
     F = eta (1/r - 1/r0) / r^2  grad r                 within r0, else none
 
