@@ -39,9 +39,9 @@ def minimum_vfh(tick, memory):
     angles = np.append(grid, asked)
     free = free_lanes(tick, angles, own.door_margin if door_mode else own.margin)
     cost = histogram(free, own.reach) + own.parabola * (angles - asked) ** 2
-    best = len(angles) - 1 - int(np.argmin(cost[::-1]))
+    best = len(angles) - 1 - int(np.argmin(cost[::-1]))  # the person's own among equals
     command = sticks.pushed(float(angles[best]), sticks.size(tick.user, limits), limits)
-    slowed = min(free[best] / own.slow_distance, 1.0)
+    slowed = min(float(free[best]) / own.slow_distance, 1.0)
     reason = "%s, %.0f degrees beside the stick" % (
         "door mode" if door_mode else "obstacle avoidance", math.degrees(angles[best] - asked))
     return PolicyResult(Twist(command.v * slowed, command.w), None, reason)
