@@ -4,6 +4,7 @@ import pytest
 from navigation_scenes import CHAIR, SETTINGS, Drive, box, door, snapshot
 
 from wheelchair_shared_control import se2
+from wheelchair_shared_control.planning import following
 from wheelchair_shared_control.planning.navigation import ABORTED, ACTIVE, IDLE, SUCCEEDED, Navigator
 from wheelchair_shared_control.values import STOP, Odometry, Twist
 
@@ -158,3 +159,16 @@ def test_make_plan_is_empty_where_there_is_no_way():
     plan = Navigator(SETTINGS).make_plan(snapshot(door(0.55), (-1.8, 0.0, 0.0), 0.0), (-1.8, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert len(plan) == 0
     assert CHAIR.width == 0.65
+
+
+def test_under_a_push_a_turn_begins_before_its_corner():
+    # 1 m ahead in steps of 0.1 m, a quarter turn on the spot, 0.5 m to the left. With v_H / 2 left of the speed the
+    # turn is an arc of radius r, which touches both legs r tan(45 degrees) = r from the corner.
+    drive = [(0.1 * k, 0.0, 0.0) for k in range(11)]
+    turn = [(1.0, 0.0, a) for a in np.radians((30.0, 60.0, 90.0))]
+    after = [(1.0, 0.1 * k, np.pi / 2.0) for k in range(1, 6)]
+    poses = np.array(drive + turn + after)
+    kinds = np.array([1] * 10 + [0] * 3 + [1] * 5)
+    for ahead, radius, expected in ((0.15, 0.0, 8), (0.15, 0.1, 8), (0.15, 0.17, 10), (0.05, 0.1, 10)):
+        step, _ = following.project(np.array([1.0 - ahead, 0.0, 0.0]), poses, kinds, 0, radius)
+        assert step == expected, (ahead, radius)

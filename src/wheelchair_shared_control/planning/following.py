@@ -14,6 +14,7 @@ from wheelchair_shared_control.planning.clearance import FAST, SEEN, clearance, 
 DT = 0.05
 SLOW_BEFORE = 0.35  # m
 BLIND_REVERSE = 0.1  # m/s, over ground that is only presumed free
+EARLIEST = 0.2  # m: no turn begins earlier before its corner
 TURN_ON_SPOT = 0.012  # m a step: below, the step is a turn on the spot
 
 
@@ -84,11 +85,13 @@ def rollouts(distance, frame, outline, spine, half_width, reach, middle, state, 
 
 
 @njit(**FAST)
-def project(pose, poses, kinds, first):
+def project(pose, poses, kinds, first, radius):
     """Step index and fraction where ``pose`` stands on the path, not before step ``first``.
 
     Only the run of steps of one kind that ``first`` belongs to is looked at, and the next one where this one ends
-    within reach: a path that comes back over itself is not cut short.
+    within reach: a path that comes back over itself is not cut short. ``radius`` [m] is that of the arc which the
+    chair drives where the path turns on the spot, 0 for one that stands: an arc that touches both legs of a corner
+    begins ``radius * tan(turn / 2)`` before it.
     """
     n = kinds.shape[0]
     k = first
@@ -122,7 +125,15 @@ def project(pose, poses, kinds, first):
                 left += part * abs(poses[i + 1, 2] - poses[i, 2])
             else:
                 left += part * np.hypot(poses[i + 1, 0] - poses[i, 0], poses[i + 1, 1] - poses[i, 1])
-        if left > (0.035 if kinds[k] == 0 else 0.012):
+        within = 0.035
+        if kinds[k] != 0:
+            within = 0.012
+            j = last + 1
+            while j < n and kinds[j] == 0:
+                j += 1
+            turn = abs(poses[j, 2] - poses[last + 1, 2])
+            within = max(within, min(radius * np.tan(0.5 * min(turn, 2.0)), EARLIEST))
+        if left > within:
             return best_step, best_part
         k = last + 1
 

@@ -18,6 +18,7 @@ IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person is driving forward
 SLICE = 500  # states expanded in one cycle
 FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
+TURNING = 0.6  # rad/s: mean rate of a turn on the spot
 FACED = 0.04  # rad: a turn on the spot with no more left is done
 # Candidates, as shares of the wanted speed and turn rate, in the order of preference.
 SCALES = np.array([[1.0, 1.0], [0.85, 0.85], [0.7, 0.7], [0.55, 0.55], [0.4, 0.4], [0.28, 0.28], [0.18, 0.18],
@@ -80,6 +81,7 @@ class Navigator:
         self._no_path = ""
         self._searching = False
         self._looks = True  # before the first path
+        self._turn_radius = 0.0
 
     # --- goals -------------------------------------------------------------------------------------------
     def set_goal(self, goal_odom, now):
@@ -152,6 +154,8 @@ class Navigator:
 
         ``field``: clearance.Field that reaches to the goal; the rest as in ``update``.
         """
+        # What a person pushes on, half of it, the chair keeps driving where the path turns on the spot.
+        self._turn_radius = 0.0 if user_v is None else 0.5 * max(user_v, 0.0) / TURNING
         acting, anchor = self._predict(now, odometry, user_v)
         moving = -1 if abs(acting[3]) < 0.1 else (0 if acting[3] > 0.0 else 1)
         if self._looks:
@@ -338,7 +342,7 @@ class Navigator:
     def _remaining(self, field, anchor):
         """What is left of the path, bent to start at ``anchor``; and the distance [m, rad] from the path."""
         path = self._path
-        step, part = following.project(anchor, path.poses, path.kinds, self._step)
+        step, part = following.project(anchor, path.poses, path.kinds, self._step, self._turn_radius)
         self._step = step
         on_path = path.poses[step] + part * (path.poses[step + 1] - path.poses[step])
         steps = path.steps[step:].copy()
