@@ -3,6 +3,7 @@
 What a thing that stands shows changes as the chair drives: cells are added where more of it comes into view, so
 that its middle seems to move. A blob has moved only where its leading and its trailing edge both went the same way.
 Behind a walker cells stay occupied for a while, so that the trailing edge may lag: it is the leading one that counts.
+And what has moved stands where nothing stood: a wall that is seen in pieces, now these, now those, does not.
 """
 from collections import deque
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from wheelchair_shared_control.grid import LETHAL
 
 NOTHING = np.empty((0, 2))
 LARGEST = 1.3  # m: extent of a person and their trail; larger blobs are walls and furniture
+SMALLEST = 0.15  # m: smaller ones are scraps of either
 LAG = 0.3  # of the leading edge's way: the least that the trailing edge must have gone
 FEWEST = 3  # cells of a blob
 NEAREST = 0.35  # m between where a blob was expected and where it is
@@ -22,14 +24,19 @@ SLOWEST = 0.15  # m/s: slower is noise of cells and odometry
 FASTEST = 2.0  # m/s: faster is a mismatch
 CONFIRMED = 2  # grids in a row that show motion before it is believed
 REMEMBERED = 0.5  # s that a moving blob is moved on unseen
+FRESH = 0.4  # s: a cell that was found lethal earlier is not newly entered
+FRESH_SHARE = 0.12  # of a moving blob's cells: a person of 0.4 m at 0.3 m/s enters a quarter anew in that time
+FORGOTTEN = 3.0  # s after which a cell that was lethal counts as new again
 
 
 class Blob(NamedTuple):
-    """Cells (n, 2) [odom, m], their middle (2,), and their lowest and highest x, y: edges (2, 2)."""
+    """Cells (n, 2) [odom, m], their middle (2,), their lowest and highest x, y: edges (2, 2), and the share of the
+    cells where nothing stood before."""
 
     points: np.ndarray
     middle: np.ndarray
     edges: np.ndarray
+    fresh: float = 1.0
 
 
 class Track:
@@ -57,7 +64,7 @@ class Track:
         velocity = self._measured()
         if velocity is None:
             return
-        if SLOWEST <= float(np.hypot(*velocity)) <= FASTEST:
+        if SLOWEST <= float(np.hypot(*velocity)) <= FASTEST and blob.fresh >= FRESH_SHARE:
             self.velocity = velocity if not self.seen_moving else 0.5 * (self.velocity + velocity)
             self.seen_moving += 1
         else:
@@ -94,13 +101,14 @@ class MovingCells:
         """Forget all grids."""
         self.points, self.velocities, self.stamp = NOTHING, NOTHING, -np.inf
         self._tracks = []
+        self._memory = _Memory()
 
     def update(self, grid):
         """Take a grid; one that was taken before, or an older one, is passed over."""
         if not grid.stamp > self.stamp:
             return
         self.stamp = grid.stamp
-        blobs = find_blobs(grid)
+        blobs = find_blobs(grid, self._memory.update(grid))
         tracks = []
         free = list(range(len(blobs)))
         # those known to move choose first
@@ -129,14 +137,49 @@ class MovingCells:
         self.velocities = np.concatenate([np.tile(track.velocity, (len(track.blob.points), 1)) for track in moving])
 
 
-def find_blobs(grid):
-    """Groups of touching lethal cells no larger than a person: list of ``Blob``."""
+class _Memory:
+    """Since when each lethal cell has been one, while the window rolls."""
+
+    def __init__(self):
+        self._since = self._last = self._corner = None
+
+    def update(self, grid):
+        """Whether each cell (rows, columns) has been lethal for no longer than FRESH [s]."""
+        corner = np.round(np.asarray(grid.origin) / grid.resolution).astype(int)
+        if self._since is None or self._since.shape != grid.cells.shape:
+            self._since, self._last = (np.full(grid.cells.shape, -np.inf) for _ in range(2))
+        elif not np.array_equal(corner, self._corner):
+            shift = corner - self._corner
+            self._since, self._last = _rolled(self._since, shift), _rolled(self._last, shift)
+        self._corner = corner
+        lethal = grid.cells == LETHAL
+        self._since[lethal & (grid.stamp - self._last > FORGOTTEN)] = grid.stamp
+        self._last[lethal] = grid.stamp
+        return grid.stamp - self._since <= FRESH
+
+
+def _rolled(values, shift):
+    """``values`` (rows, columns) in a window whose corner moved by ``shift`` (columns, rows); new cells are -inf."""
+    moved = np.full_like(values, -np.inf)
+    there, here = [], []
+    for size, by in zip(values.shape, shift[::-1]):
+        there.append(slice(max(-by, 0), max(min(size - by, size), 0)))
+        here.append(slice(max(by, 0), max(min(size + by, size), 0)))
+    moved[tuple(there)] = values[tuple(here)]
+    return moved
+
+
+def find_blobs(grid, fresh=None):
+    """Groups of touching lethal cells no larger than a person: list of ``Blob``.
+
+    ``fresh`` (rows, columns): the cells where nothing stood before; None where that is not known.
+    """
     labels, count = ndimage.label(grid.cells == LETHAL, structure=np.ones((3, 3)))
-    largest = LARGEST / grid.resolution
+    largest, smallest = LARGEST / grid.resolution, SMALLEST / grid.resolution
     blobs = []
     for index, box in enumerate(ndimage.find_objects(labels, count), start=1):
         height, width = box[0].stop - box[0].start, box[1].stop - box[1].start
-        if max(height, width) > largest or height * width < FEWEST:
+        if not smallest <= max(height, width) <= largest or height * width < FEWEST:
             continue
         rows, columns = np.nonzero(labels[box] == index)
         if len(rows) < FEWEST:
@@ -144,5 +187,6 @@ def find_blobs(grid):
         cells = np.column_stack((columns + box[1].start + 0.5, rows + box[0].start + 0.5))
         points = cells * grid.resolution + np.asarray(grid.origin)
         edges = np.stack((points.min(axis=0), points.max(axis=0)))
-        blobs.append(Blob(points, points.mean(axis=0), edges))
+        share = 1.0 if fresh is None else float(fresh[box][rows, columns].mean())
+        blobs.append(Blob(points, points.mean(axis=0), edges, share))
     return blobs

@@ -319,6 +319,28 @@ class TestMoving:
     def test_that_stand_do_not_move(self):
         assert len(self.follow(0.0).points) == 0
 
+    def test_a_wall_that_is_seen_in_pieces_does_not_move(self):
+        # All of a wall's end, 0.6 m, is seen for a second; then pieces of 0.2 m one after the other, as if one
+        # piece walked along it. The same walk over free ground is one.
+        for known, moves in ((True, False), (False, True)):
+            moving, found = MovingCells(), False
+            for k in range(22):
+                low, high = (0.0, 0.6) if k < 10 else (0.04 * (k - 10), 0.04 * (k - 10) + 0.2)
+                if k < 10 and not known:
+                    continue
+                moving.update(filled(empty(), (1.0, 1.1), (low, high))._replace(stamp=0.1 * k))
+                found = found or len(moving.points) > 0
+            assert found == moves
+
+    def test_are_followed_while_the_window_rolls(self):
+        moving = MovingCells()
+        for k in range(10):
+            grid, shift = self.grid(0.1 * k, -2.0 + 0.05 * k), 2 * k  # the chair drives on
+            cells = np.zeros_like(grid.cells)
+            cells[:, : SIZE - shift] = grid.cells[:, shift:]
+            moving.update(grid._replace(cells=cells, origin=np.add(grid.origin, (shift * RESOLUTION, 0.0))))
+        assert np.allclose(moving.velocities, (0.0, 0.5), atol=0.05) and len(moving.points) >= 240
+
     def test_stop_a_chair_whose_way_they_will_cross(self):
         # The person's near side is at y -0.7, 0.5 m/s: 0.85 s later, when the chair's front would have come to
         # a stop at x 1.43, at y -0.275: before the chair, whose side is at -0.325.

@@ -44,8 +44,8 @@ def draw(trajectory, world, wheelchair, rng):
     """A person for the chair's undisturbed ``trajectory`` (n, 4) [time, x, y, yaw], or None where none fits.
 
     Redrawn until: the motions meet first at the chair's front edge, the person's way is free of the world from
-    2.0 s before to the meeting, and from then on, as long as a lens can hold them, they are wholly in view. Where
-    they stand before and after their walk they are not in the chair's way.
+    2.0 s before to the meeting, and from then on they are wholly in view; where they are too near for a lens to hold
+    them, their middle is. Where they stand before and after their walk they are not in the chair's way.
     """
     trajectory = np.array(trajectory, dtype=float)
     trajectory[:, 3] = np.unwrap(trajectory[:, 3])
@@ -121,7 +121,10 @@ def _in_view(person, trajectory, shapes, wheelchair):
         eye = se2.compose(_at(trajectory, time), np.array([camera.x, 0.0, 0.0]))
         local = se2.transform_points(se2.inverse(eye), corners)
         if np.min(local[:, 0]) < LENS_HOLDS:
-            continue
+            middle = local.mean(axis=0)
+            if -right * middle[0] < middle[1] < left * middle[0]:
+                continue
+            return False
         # the tilt narrows the view of what is low, and widens that of what is high, by little: level is taken
         if np.any(local[:, 1] > left * local[:, 0]) or np.any(-local[:, 1] > right * local[:, 0]):
             return False
