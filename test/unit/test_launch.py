@@ -121,6 +121,13 @@ def test_a_bad_argument_is_refused_by_the_node_that_gets_it(argument, node, key)
         parameters.load(node, given[node], node)
 
 
+@pytest.mark.parametrize("planner", options.PLANNERS)
+def test_a_planner_is_started_by_its_name_in_the_slot_and_under_the_interface_of_move_base(planner):
+    nodes, _ = load("demo.launch", "planner:=" + planner)
+    assert nodes["move_base"].type == "move_base"
+    assert settings("demo.launch", "planner:=" + planner)["move_base"].base_local_planner == planner
+
+
 def test_planner_none_leaves_the_slot_free():
     assert "move_base" not in load("shared_control.launch", "planner:=none")[0]
     assert "move_base" in load("shared_control.launch")[0]
