@@ -133,6 +133,7 @@ class SharedControl:
         still = Odometry(0.0, np.zeros(3), STOP)
         inputs = Inputs(
             0.0, Twist(0.3, 0.3), 0.0, Twist(0.3, 0.0), 0.0, still, grid, 0.0, Ranges(0.0, np.full(6, np.inf)),
+            goal=np.array([2.0, 0.0, 0.0]),
         )
         sweep.signed_distance(2.0, 0.0, 0.7, -0.35, 0.3)  # only asked when the guard stops the chair
         for step in range(3):
@@ -141,7 +142,8 @@ class SharedControl:
             self.update(
                 inputs._replace(
                     now=now, user_stamp=now, odometry=still._replace(stamp=now), grid=grid._replace(stamp=now),
-                    grid_received=now, ranges=Ranges(now, np.full(6, np.inf)),
+                    grid_received=now, ranges=Ranges(now, np.full(6, np.inf)), planner_stamp=now,
+                    assistance=ASSISTING if step else MANUAL,  # some policies have kernels of their own
                 )
             )
         self.reset()

@@ -5,7 +5,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from wheelchair_shared_control import blending, cases, footprint, parameters, policy
+from wheelchair_shared_control import blending, cases, footprint, parameters, policy, shared_control
 from wheelchair_shared_control.rivals import (
     case_based,
     efficiency,
@@ -64,6 +64,17 @@ def test_a_rival_is_a_row_of_the_table_and_gives_a_command_anywhere(name):
         assert np.isfinite(result.command).all()
         assert result.beta is None or 0.0 <= result.beta <= 1.0
     assert blending.decided(function, tick((0.0, 0.01), (0.5, 0.4)), memory).command == STOP
+
+
+def test_warming_up_calls_the_policy_and_forgets_it(tmp_path):
+    path = tmp_path / "count.py"
+    path.write_text(
+        "calls = []\n\ndef count(tick, memory):\n    calls.append(len(memory))\n    memory[len(calls)] = tick\n"
+        "    return tick.user, 1.0, ''\n", encoding="utf-8")
+    control = shared_control.SharedControl(SETTINGS, "%s:count" % path)
+    control.warm_up()
+    calls = control._policy.__globals__["calls"]
+    assert calls and control._memory == {}
 
 
 # ---- efficiency --------------------------------------------------------------------------------------------
