@@ -47,7 +47,7 @@ TOLD = {"choice/bearing": np.pi, "choice/incidence": np.pi, "choice/distance": 1
 
 
 def settings_for(options):
-    """Settings of all nodes; ``options.dead_time``, ``.lag`` set the plant and what planner and guard know."""
+    """Settings of all nodes; ``options.dead_time``, ``.lag`` set the plant, and what planner and guard know."""
     changed = {}
     if not options.detector:
         changed.update(TOLD)
@@ -55,6 +55,8 @@ def settings_for(options):
         changed["wheelchair/actuation/dead_time"] = options.dead_time
     if options.lag is not None:
         changed["wheelchair/actuation/lag"] = options.lag
+    if options.sigma_scale is not None:
+        changed["sigma_scale"] = options.sigma_scale
     if options.drift is not None:
         changed["odometry/factor"] = options.drift
     result = []

@@ -28,6 +28,8 @@ def drive(chosen, seed, output, figure_file=None, rviz=False):
 
     ``output``: folder for ``roslaunch.log``; ``figure_file``: where the referee draws the crossing, if anywhere.
     """
+    if chosen.sigma_scale is not None:
+        raise LiveError("--sigma-scale: the nodes take sigma_scale from config/blender.yaml alone")
     scene = episode.description(chosen, seed)
     log_file = Path(output) / "roslaunch.log"
     make(Path(output))

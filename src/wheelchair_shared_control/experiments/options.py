@@ -28,6 +28,7 @@ class Options(NamedTuple):
     person: bool = False
     guard: bool = True
     model: Optional[str] = None
+    sigma_scale: Optional[float] = None
     detector: bool = True
     camera: Tuple[int, int] = (640, 480)
     start_distance: Optional[Tuple[float, float]] = None
@@ -122,6 +123,8 @@ def add_episode_options(parser, without=()):
     add("--person", action="store_true", help="a person walks across the chair's way")
     add("--guard", choices=("on", "off"), default="on", help="the last check of every command (default on)")
     add("--model", metavar="paper|full|FILE", help="task model (default: the policy's own)")
+    add("--sigma-scale", type=number(0.1, 10.0), metavar="X",
+        help="factor of the learned deviation (the paper tried 1, 2 and 3, and took 3)")
     add("--detector", choices=("on", "truth"), default="on",
         help="find the doorway in the depth image, or be given the true one (default on)")
     add("--camera", choices=sorted(CAMERAS), default="640x480", help="size of the depth image")
@@ -163,6 +166,7 @@ def episode_options(args, users=None, scenes=None, planners=None):
     return Options(
         policy=args.policy, planner=args.planner, user=args.user, scene=args.scene, door_width=args.door_width,
         clutter=args.clutter, person=bool(args.person), guard=args.guard == "on", model=args.model,
+        sigma_scale=args.sigma_scale,
         detector=args.detector == "on", camera=CAMERAS[args.camera], start_distance=args.start_distance,
         start_heading=args.start_heading, start_offset=args.start_offset, dead_time=args.dead_time, lag=args.lag,
         drift=args.drift, map=args.map, doors=args.doors, door=args.door,
