@@ -64,9 +64,9 @@ def write_atomically(path, content):
         raise OutputError("%s: cannot be written: %s" % (path, error.strerror))
 
 
-def progress(iterable, total=None, label=""):
-    """``iterable`` with a progress bar on stderr where that is a terminal."""
-    return tqdm(iterable, total=total, desc=label, disable=not sys.stderr.isatty(), file=sys.stderr)
+def progress(iterable, total=None, label="", done=0):
+    """``iterable`` with a progress bar on stderr where that is a terminal; ``done`` of ``total`` were there before."""
+    return tqdm(iterable, total=total, desc=label, initial=done, disable=not sys.stderr.isatty(), file=sys.stderr)
 
 
 def run(main, argv=None):

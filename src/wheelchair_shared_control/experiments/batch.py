@@ -15,16 +15,18 @@ def run(pairs, jobs=1, label="episodes", dask=None):
     return [result for _, result in as_completed(list(pairs), jobs, label, dask)]
 
 
-def as_completed(pairs, jobs=1, label="episodes", dask=None):
+def as_completed(pairs, jobs=1, label="episodes", dask=None, done=0):
     """Yield ((options, seed), result) in the order of ``pairs``, each as soon as it is there.
 
     ``jobs`` processes on this machine, or the workers of the Dask scheduler at ``dask``; every episode is the same
-    bit for bit wherever it runs. Raises Error.
+    bit for bit wherever it runs. ``done``: how many more the progress bar counts as done already. Raises Error.
     """
+    if not pairs:
+        return
     tasks = (delayed(_one)(options, seed) for options, seed in pairs)
     with _backend(jobs, dask):
         outcomes = Parallel(n_jobs=-1 if dask else jobs, return_as="generator", batch_size=1)(tasks)
-        for pair, outcome in zip(pairs, command_line.progress(outcomes, len(pairs), label)):
+        for pair, outcome in zip(pairs, command_line.progress(outcomes, len(pairs) + done, label, done)):
             if isinstance(outcome, str):
                 raise Error(outcome)
             yield pair, outcome

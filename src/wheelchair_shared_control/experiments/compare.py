@@ -1,9 +1,10 @@
 """The benchmark: policies x planners x users x scenes x door widths, paired by seed, resumable.
 
 Every finished episode is one line of ``episodes.jsonl``, appended at once; what is there already is not driven
-again. ``episodes.csv`` is that file sorted by key, without a wall-clock column.
+again, unless other code made it. ``episodes.csv`` is that file sorted by key, without a wall-clock column.
 """
 import csv
+import fcntl
 import io
 import itertools
 import json
@@ -14,7 +15,8 @@ import numpy as np
 
 from wheelchair_shared_control import command_line
 from wheelchair_shared_control.errors import Error
-from wheelchair_shared_control.experiments import statistics
+from wheelchair_shared_control.experiments import code_version, statistics
+from wheelchair_shared_control.simulation import doors
 
 KEYS = ("policy", "planner", "user", "scene", "door_width", "door", "side", "seed")
 MEASURES = (
@@ -31,12 +33,19 @@ class CompareError(Error):
 
 
 def plan(base, policies, planners, users, scenes, widths, seeds):
-    """All episodes as a list of (options, seed), in the order of their keys."""
+    """All episodes as a list of (options, seed).
+
+    Doors of a map stand in the place of scenes and widths: each annotated door, from both sides.
+    """
+    if base.map is None:
+        places = [{"scene": scene, "door_width": width} for scene, width in itertools.product(scenes, widths)]
+    else:
+        names = list(doors.read(base.doors)) if base.door is None else [base.door]
+        sides = (0, 1) if base.side is None else (base.side,)
+        places = [{"door": name, "side": side} for name, side in itertools.product(names, sides)]
     return [
-        (base._replace(policy=policy, planner=planner, user=user, scene=scene, door_width=width), seed)
-        for policy, planner, user, scene, width, seed in itertools.product(
-            policies, planners, users, scenes, widths, seeds
-        )
+        (base._replace(policy=policy, planner=planner, user=user, **place), seed)
+        for policy, planner, user, place, seed in itertools.product(policies, planners, users, places, seeds)
     ]
 
 
@@ -47,38 +56,57 @@ def key_of(options, seed):
 
 
 class Store:
-    """Finished episodes in a folder; a line is written whole or counts as not written."""
+    """Finished episodes in a folder; a line is written whole or counts as not written.
 
-    def __init__(self, folder):
+    ``rows`` {key: row}. Lines that other code made (``code_version``) are left out and counted in ``stale``, unless
+    ``keep_stale``. Raises CompareError where the folder cannot be used, or is used by another run.
+    """
+
+    def __init__(self, folder, keep_stale=False):
         self.path = Path(folder) / STORE
+        self._keep_stale, self.stale = keep_stale, 0
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self.rows = self._read()
             self._file = open(str(self.path), "a", encoding="utf-8")
+            self._lock()
+            self.rows = self._read()
         except OSError as error:
             raise CompareError("%s: cannot be used: %s" % (self.path, error.strerror))
 
+    def _lock(self):
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise CompareError("%s: another run writes to it" % self.path)
+
     def _read(self):
-        if not self.path.exists():
-            return {}
         rows, text = {}, self.path.read_bytes()
         # a process that was killed leaves at most one unfinished line at the end: cut it off
         whole = text.rfind(b"\n") + 1
         if whole < len(text):
             with open(str(self.path), "r+b") as stream:
                 stream.truncate(whole)
-        for number, line in enumerate(text[:whole].decode("utf-8").splitlines(), 1):
+        stale = set()
+        for number, line in enumerate(text[:whole].decode("utf-8", "replace").splitlines(), 1):
             try:
                 entry = json.loads(line)
-                rows[entry["key"]] = entry["row"]
+                key, row, code = entry["key"], entry["row"], entry.get("code")
             except (ValueError, KeyError, TypeError):
                 raise CompareError("%s: line %d is no finished episode" % (self.path, number))
+            if code == code_version.digest():
+                stale.discard(key)
+                rows[key] = row
+            elif key not in rows or key in stale:
+                stale.add(key)
+                if self._keep_stale:
+                    rows[key] = row
+        self.stale = len(stale)
         return rows
 
     def add(self, key, row):
         """Append a finished episode; it is on the disk when this returns."""
         # through the same text as a row that is read again: both runs then print the same digits
-        line = json.dumps({"key": key, "row": row}, sort_keys=True)
+        line = json.dumps({"code": code_version.digest(), "key": key, "row": row}, sort_keys=True)
         self._file.write(line + "\n")
         self._file.flush()
         os.fsync(self._file.fileno())
@@ -93,7 +121,8 @@ def row_of(options, result):
     """The CSV row of an episode's result: {column: value}, None where it has no value."""
     row = {
         "policy": _short(options.policy), "planner": options.planner, "user": _short(options.user),
-        "scene": _short(options.map or options.scene), "door_width": options.door_width,
+        "scene": _short(options.map or options.scene),
+        "door_width": options.door_width if options.map is None else result["door_width_m"],
         "door": result.get("door", ""), "side": result.get("side", ""), "seed": result["seed"],
         "outcome": result["outcome"], "reason": result["reason"],
     }
@@ -120,8 +149,8 @@ def table(rows, by=("policy",)):
         members = [row for row in rows if tuple(row[name] for name in by) == group and row["outcome"] != "no_start"]
         line = dict(zip(by, group))
         line["n"] = len(members)
-        line["crossed"] = statistics.wilson(sum(row["outcome"] == "crossed" for row in members), len(members))
-        line["contact"] = statistics.wilson(sum(row["outcome"] == "contact" for row in members), len(members))
+        for outcome in ("crossed", "contact", "refused", "standstill", "timeout"):
+            line[outcome] = statistics.wilson(sum(row["outcome"] == outcome for row in members), len(members))
         for name in MEASURES:
             line[name] = statistics.mean_interval([row[name] for row in members])
         clearance = [row["min_clearance_m"] for row in members if row["min_clearance_m"] is not None]
@@ -131,30 +160,77 @@ def table(rows, by=("policy",)):
     return lines
 
 
-def markdown(lines, by=("policy",)):
-    """The table as Markdown."""
-    head = list(by) + [
-        "n", "crossed %", "contact %", "clearance, 5th pct. [m]", "share", "approach", "doorway", "exit", "speed share",
-        "time [s]", "effort [1/s]", "reversals", "SPARC", "guard active %",
-    ]
+# heading, key of a line, how it is written, factor
+SAFETY = (
+    ("crossed %", "crossed", None, 1.0), ("contact %", "contact", None, 1.0), ("refused %", "refused", None, 1.0),
+    ("standstill %", "standstill", None, 1.0), ("least clearance [m]", "worst_clearance_m", "%.3f", 1.0),
+    ("clearance, 5th pct. [m]", "episodes_clearance_p05_m", "%.3f", 1.0),
+    ("guard active %", "guard_active", "%.1f", 100.0), ("guard stops", "guard_stops", "%.2f", 1.0),
+)
+CONTROL = (
+    ("share", "user_share_all", "%.3f", 1.0), ("approach", "user_share_approach", "%.3f", 1.0),
+    ("doorway", "user_share_doorway", "%.3f", 1.0), ("exit", "user_share_exit", "%.3f", 1.0),
+    ("speed share", "v_share", "%.3f", 1.0), ("disagreement [rad/s]", "disagreement", "%.3f", 1.0),
+)
+MOTION = (
+    ("time [s]", "duration_s", "%.1f", 1.0), ("path [m]", "path_length_m", "%.2f", 1.0),
+    ("stick effort [1/s]", "effort", "%.2f", 1.0), ("reversals", "reversals", "%.1f", 1.0),
+    ("LDLJ", "ldlj", "%.2f", 1.0), ("SPARC", "sparc", "%.2f", 1.0),
+)
+
+
+def markdown(lines, by=("policy",), columns=SAFETY):
+    """Some columns of the table as Markdown."""
+    head = list(by) + ["n"] + [heading for heading, _, _, _ in columns]
     out = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for line in lines:
-        cells = [str(line[name]) for name in by] + [str(line["n"]), _rate(line["crossed"]), _rate(line["contact"])]
-        cells.append("-" if line["episodes_clearance_p05_m"] is None else "%.3f" % line["episodes_clearance_p05_m"])
-        for name in ("user_share_all", "user_share_approach", "user_share_doorway", "user_share_exit", "v_share"):
-            cells.append(_mean(line[name], "%.2f"))
-        cells += [_mean(line["duration_s"], "%.1f"), _mean(line["effort"], "%.2f"), _mean(line["reversals"], "%.1f")]
-        cells += [_mean(line["sparc"], "%.2f"), _mean(line["guard_active"], "%.1f", 100.0)]
-        out.append("| " + " | ".join(cells) + " |")
+        cells = [str(line[name]) for name in by] + [str(line["n"])]
+        out.append("| " + " | ".join(cells + [_cell(line[key], form, scale) for _, key, form, scale in columns]) + " |")
     return "\n".join(out) + "\n"
 
 
-def paired(rows, policy, rival, measure, rng):
-    """Difference of ``measure`` between two policies over the episodes that both drove: (value, low, high), n."""
-    others = [name for name in KEYS if name != "policy"]
+def report(rows, by=("policy",)):
+    """All tables, and the differences to the first policy, as Markdown."""
+    lines = table(rows, by)
+    parts = []
+    for title, columns in (("Safety", SAFETY), ("Control", CONTROL), ("Motion and the stick", MOTION)):
+        parts.append("## %s\n\n%s" % (title, markdown(lines, by, columns)))
+    return (
+        "%d episodes. In brackets 95 %% intervals: Wilson for rates, bootstrap for means. A share is the user's part "
+        "of the turn rate.\n\n" % len(rows) + "\n".join(parts)
+    )
+
+
+def paired_markdown(rows, reference, rivals):
+    """Differences of each rival to ``reference``, (policy, planner) pairs, over the same episodes, as Markdown."""
+    measures = (("share", "user_share_all"), ("approach", "user_share_approach"), ("doorway", "user_share_doorway"),
+                ("exit", "user_share_exit"), ("least clearance [m]", "min_clearance_m"), ("time [s]", "duration_s"))
+    head = ["minus %s" % _label(*reference), "pairs"] + [heading for heading, _ in measures] + ["contacts %"]
+    out = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for rival in rivals:
+        cells, pairs = [], 0
+        for _, measure in measures:
+            interval, n = paired(rows, rival, reference, measure, np.random.default_rng(0))
+            pairs = max(pairs, n)
+            cells.append(_mean(interval, "%+.3f"))
+        touched = [dict(row, touched=float(row["outcome"] == "contact")) for row in rows]
+        interval, _ = paired(touched, rival, reference, "touched", np.random.default_rng(0))
+        cells.append(_mean(interval, "%+.1f", 100.0))
+        out.append("| " + " | ".join([_label(*rival), str(pairs)] + cells) + " |")
+    return "\n".join(out) + "\n"
+
+
+def _label(policy, planner):
+    return policy if planner == "move_base" else "%s, %s" % (policy, planner)
+
+
+def paired(rows, first, second, measure, rng):
+    """Difference of ``measure`` between two (policy, planner) pairs over the episodes that both drove:
+    (value, low, high), n."""
+    others = [name for name in KEYS if name not in ("policy", "planner")]
     tables = [
-        {tuple(row[name] for name in others): row[measure] for row in rows if row["policy"] == name_}
-        for name_ in (policy, rival)
+        {tuple(row[name] for name in others): row[measure] for row in rows if (row["policy"], row["planner"]) == who}
+        for who in (first, second)
     ]
     common = sorted(set(tables[0]) & set(tables[1]), key=str)
     pairs = np.array(
@@ -163,11 +239,28 @@ def paired(rows, policy, rival, measure, rng):
     return statistics.paired_difference(pairs[:, 0], pairs[:, 1], rng), int(np.isfinite(pairs).all(axis=1).sum())
 
 
-def write(folder, rows):
-    """Write ``episodes.csv`` and ``table.md`` into ``folder``. Raises OutputError."""
+def write(folder, rows, command=""):
+    """Write ``episodes.csv`` and ``table.md`` into ``folder``; returns the table. Raises OutputError."""
     folder = Path(folder)
+    by = ("policy", "planner") if len({row["planner"] for row in rows}) > 1 else ("policy",)
+    pairs = list(dict.fromkeys((row["policy"], row["planner"]) for row in rows))
+    text = "Made by `%s`.\n\n%s" % (command, report(rows, by)) if command else report(rows, by)
+    if len(pairs) > 1:
+        text += "\n## Differences, episode by episode\n\n" + paired_markdown(rows, pairs[0], pairs[1:])
+    for name, heading in (("user", "users"), ("scene", "scenes"), ("door_width", "door widths"), ("door", "doors")):
+        if len({row[name] for row in rows}) > 1:
+            lines = table(rows, by + (name,))
+            text += "\n## By %s\n\n%s" % (heading, markdown(lines, by + (name,), BRIEF))
     command_line.write_atomically(folder / "episodes.csv", to_csv(rows))
-    command_line.write_atomically(folder / "table.md", markdown(table(rows)))
+    command_line.write_atomically(folder / "table.md", text)
+    return table(rows, by)
+
+
+BRIEF = (
+    ("crossed %", "crossed", None, 1.0), ("contact %", "contact", None, 1.0),
+    ("least clearance [m]", "worst_clearance_m", "%.3f", 1.0), ("share", "user_share_all", "%.3f", 1.0),
+    ("time [s]", "duration_s", "%.1f", 1.0),
+)
 
 
 def _short(name):
@@ -183,6 +276,14 @@ def _text(value):
     if value is None:
         return ""
     return "%.9g" % value if isinstance(value, float) else str(value)
+
+
+def _cell(value, form, scale):
+    if form is None:
+        return _rate(value)
+    if isinstance(value, tuple):
+        return _mean(value, form, scale)
+    return "-" if value is None else form % (scale * value)
 
 
 def _rate(rate):

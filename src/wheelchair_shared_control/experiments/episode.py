@@ -90,6 +90,7 @@ class Episode:
     def _extra(self, front_touch_speed, escape):
         return {
             "front_touch_speed": front_touch_speed, "escape_m": escape, "door": self.door.name, "side": self.side,
+            "door_width_m": float(self.door.width),
         }
 
     def _person(self):

@@ -59,7 +59,10 @@ def pareto(lines):
             yerr=[[share[0] - share[1]], [share[2] - share[0]]], fmt="o", markersize=6, capsize=2, linewidth=1.0,
             color="#c0392b" if touched else USER, markerfacecolor="white" if touched else USER,
         )
-        label = line["policy"] + (" (%.0f %% touched)" % (100.0 * line["contact"].value) if touched else "")
+        planner = line.get("planner", "move_base")
+        label = line["policy"] + ("" if planner == "move_base" else ", " + planner)
+        if touched:
+            label += " (%.0f %% touched)" % (100.0 * line["contact"].value)
         axes.annotate(label, (clearance_[0], share[0]), xytext=(6, 6), textcoords="offset points", fontsize=8)
     axes.set_xlabel("smallest clearance of an episode, mean [m]")
     axes.set_ylabel("user's share, mean")

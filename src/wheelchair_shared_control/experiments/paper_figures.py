@@ -136,7 +136,7 @@ def _from_above(axes, run):
         axes.add_patch(Polygon(footprints.corners(run.footprint, pose), closed=True, fill=False, edgecolor=USER,
                                linewidth=0.5, alpha=0.6))
     phase = metrics.phases(log, run.footprint)
-    for index, name in enumerate(metrics.PHASES):
+    for index in range(len(metrics.PHASES)):
         inside = np.flatnonzero((phase == index) & log.assisted)
         if inside.size:
             pose = log.truth[inside[inside.size // 2]]
