@@ -3,6 +3,7 @@ import argparse
 import json
 import math
 import os
+import re
 import sys
 import tempfile
 from pathlib import Path
@@ -18,6 +19,11 @@ class OutputError(Error):
 
 class Parser(argparse.ArgumentParser):
     """An argument parser whose refusal is one line, exit code 2."""
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+        # argparse takes -30 for a number, but -30:30 for an option
+        self._negative_number_matcher = re.compile(r"^-[.\d]")
 
     def error(self, message):
         self.exit(2, "%s: %s\n" % (self.prog, message))

@@ -1,0 +1,138 @@
+"""The comparison's folder: nothing is lost, nothing is driven twice, and its files read the same everywhere."""
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+from wheelchair_shared_control.experiments import compare, options
+
+BASE = options.Options()
+
+
+def row(policy="user", seed=1, outcome="crossed", share=0.5, **changes):
+    """A row as ``compare.row_of`` makes it."""
+    values = dict.fromkeys(compare.COLUMNS)
+    values.update(policy=policy, planner="move_base", user="goal_directed", scene="open", door_width=0.9, door="door",
+                  seed=seed, outcome=outcome, reason="", user_share_all=share, min_clearance_m=0.1, duration_s=10.0)
+    values.update(changes)
+    return values
+
+
+def keys(folder):
+    store = compare.Store(folder)
+    store.close()
+    return sorted(store.rows)
+
+
+def test_what_was_added_is_there_again(tmp_path):
+    store = compare.Store(tmp_path)
+    for seed in (1, 2):
+        store.add(compare.key_of(BASE, seed), row(seed=seed, share=1.0 / 3.0))
+    store.close()
+    again = compare.Store(tmp_path)
+    assert again.rows == store.rows  # also the digits
+    again.close()
+
+
+@pytest.mark.parametrize("cut", range(1, 40, 6))
+def test_a_line_that_was_cut_off_counts_as_not_driven(tmp_path, cut):
+    store = compare.Store(tmp_path)
+    for seed in (1, 2):
+        store.add(compare.key_of(BASE, seed), row(seed=seed))
+    store.close()
+    path = tmp_path / compare.STORE
+    path.write_bytes(path.read_bytes()[:-cut])  # killed in the middle of a line
+    assert keys(tmp_path) == [compare.key_of(BASE, 1)]
+    store = compare.Store(tmp_path)
+    store.add(compare.key_of(BASE, 2), row(seed=2))
+    store.close()
+    assert keys(tmp_path) == sorted(compare.key_of(BASE, seed) for seed in (1, 2))
+
+
+def test_what_other_code_made_is_driven_again(tmp_path):
+    path = tmp_path / compare.STORE
+    for seed, code in ((1, "another"), (2, None)):
+        line = {"key": compare.key_of(BASE, seed), "row": row(seed=seed), "code": code}
+        with open(str(path), "a") as stream:
+            stream.write(json.dumps(line) + "\n")
+    store = compare.Store(tmp_path)
+    assert (store.rows, store.stale) == ({}, 2)
+    store.add(compare.key_of(BASE, 1), row(seed=1, share=0.7))
+    store.close()
+    store = compare.Store(tmp_path)
+    assert (len(store.rows), store.stale) == (1, 1)
+    store.close()
+    store = compare.Store(tmp_path, keep_stale=True)
+    assert len(store.rows) == 2
+    assert store.rows[compare.key_of(BASE, 1)]["user_share_all"] == 0.7  # the newer of the two
+    store.close()
+
+
+def test_two_runs_do_not_write_into_one_folder(tmp_path):
+    store = compare.Store(tmp_path)
+    with pytest.raises(compare.CompareError, match="another run writes to it"):
+        compare.Store(tmp_path)
+    store.close()
+
+
+def test_a_file_of_something_else_is_refused_by_its_line(tmp_path):
+    (tmp_path / compare.STORE).write_text("no JSON\n", encoding="utf-8")
+    with pytest.raises(compare.CompareError, match="line 1 is no finished episode"):
+        compare.Store(tmp_path)
+
+
+def test_the_csv_does_not_depend_on_the_order_of_driving():
+    rows = [row(policy, seed, share=0.1 + 0.2) for policy in ("user", "distance") for seed in (10, 9, 100)]
+    text = compare.to_csv(rows)
+    assert text == compare.to_csv(rows[::-1])
+    read = list(csv.DictReader(io.StringIO(text)))
+    assert [(line["policy"], line["seed"]) for line in read] == [
+        (policy, seed) for policy in ("distance", "user") for seed in ("9", "10", "100")
+    ]
+    assert {line["user_share_all"] for line in read} == {"0.3"}  # not 0.30000000000000004
+
+
+def test_every_combination_is_planned_once_and_in_pairs():
+    cases = compare.plan(BASE, ["user", "planner"], ["move_base"], ["goal_directed"], ["open", "hallway"],
+                         [0.8, 0.9], range(3))
+    assert len(cases) == len(set(cases)) == 2 * 2 * 2 * 3
+    without = [
+        {(chosen._replace(policy=""), seed) for chosen, seed in cases if chosen.policy == policy}
+        for policy in ("user", "planner")
+    ]
+    assert without[0] == without[1]
+
+
+def test_doors_of_a_map_stand_for_scenes(tmp_path):
+    path = tmp_path / "doors.yaml"
+    door = (
+        "- {name: %s, door_corner_pt_1: [0.0, 0.0], door_corner_pt_2: [0.9, 0.0],\n"
+        "   approach: [{point: [0.45, -1.0, -1.57]}, {point: [0.45, 1.0, 1.57]}]}\n"
+    )
+    path.write_text(door % "a" + door % "b", encoding="utf-8")
+    base = BASE._replace(map="map.yaml", doors=str(path))
+    cases = compare.plan(base, ["user"], ["move_base"], ["goal_directed"], ["open"], [0.9], [1, 2])
+    assert [(chosen.door, chosen.side, seed) for chosen, seed in cases] == [
+        (name, side, seed) for name in "ab" for side in (0, 1) for seed in (1, 2)
+    ]
+
+
+def test_differences_are_taken_in_pairs():
+    # every episode of the one is 0.1 above the other's; the episodes themselves differ by far more
+    rows = [row("a", seed, share=0.1 * seed + 0.1) for seed in range(8)]
+    rows += [row("b", seed, share=0.1 * seed) for seed in range(9)]
+    (value, low, high), pairs = compare.paired(
+        rows, ("a", "move_base"), ("b", "move_base"), "user_share_all", np.random.default_rng(0)
+    )
+    assert pairs == 8  # seed 8 was driven by one alone
+    assert value == pytest.approx(0.1)
+    assert high - low < 1e-9
+
+
+def test_the_table_leaves_out_what_could_not_start():
+    rows = [row(seed=1), row(seed=2, outcome="contact"), row(seed=3, outcome="no_start", share=None)]
+    line = compare.table(rows)[0]
+    assert (line["n"], line["crossed"].value, line["contact"].value) == (2, 0.5, 0.5)
+    assert "50.0" in compare.markdown([line])
