@@ -1,4 +1,6 @@
 """Many episodes, on one process, several, or a Dask cluster."""
+from concurrent.futures.process import BrokenProcessPool
+
 from joblib import Parallel, delayed, parallel_config
 
 from wheelchair_shared_control import command_line
@@ -24,26 +26,31 @@ def as_completed(pairs, jobs=1, label="episodes", dask=None, done=0):
     if not pairs:
         return
     tasks = (delayed(_one)(options, seed) for options, seed in pairs)
-    with _backend(jobs, dask):
-        outcomes = Parallel(n_jobs=-1 if dask else jobs, return_as="generator", batch_size=1)(tasks)
-        for pair, outcome in zip(pairs, command_line.progress(outcomes, len(pairs) + done, label, done)):
-            if isinstance(outcome, str):
-                raise Error(outcome)
-            yield pair, outcome
+    backend, lost = _backend(jobs, dask)
+    try:
+        with backend:
+            outcomes = Parallel(n_jobs=-1 if dask else jobs, return_as="generator", batch_size=1)(tasks)
+            for pair, outcome in zip(pairs, command_line.progress(outcomes, len(pairs) + done, label, done)):
+                if isinstance(outcome, str):
+                    raise Error(outcome)
+                yield pair, outcome
+    except lost as error:
+        raise BatchError("a worker died: %s" % " ".join(str(error).split())[:200])
 
 
 def _backend(jobs, dask):
+    """The context in which joblib runs, and the error that tells of a worker's death (Dask's own retries failed)."""
     if dask is None:
-        return parallel_config(backend="loky", n_jobs=jobs)
+        return parallel_config(backend="loky", n_jobs=jobs), BrokenProcessPool
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
     except ImportError:
         raise BatchError("--dask needs the package 'distributed' (pip install distributed)")
     try:
         Client(dask, timeout="20s")
     except (OSError, TimeoutError) as error:
         raise BatchError("no Dask scheduler at %s: %s" % (dask, error))
-    return parallel_config(backend="dask")
+    return parallel_config(backend="dask"), KilledWorker
 
 
 def _one(options, seed):

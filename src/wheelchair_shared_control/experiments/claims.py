@@ -11,13 +11,16 @@ from wheelchair_shared_control.experiments import reproduction as studies
 from wheelchair_shared_control.experiments import statistics
 from wheelchair_shared_control.task_model import TaskModel
 
-HOLDS, FAILS, UNDECIDED, UNTESTED = "reproduced", "not reproduced", "undecided", "not tested"
+HOLDS, PARTLY, FAILS = "reproduced", "reproduced in part", "not reproduced"
+UNDECIDED, UNTESTED = "undecided", "not tested"
 PACES = (0.20, 0.45)  # m/s: the slow and the moderate teachers'
-WALL_CLOSE, WALL_FAR = 0.6, 1.5  # m beside the chair: the wall of an exit, and open space
+WALL_CLOSE, WALL_FAR = 0.3, 1.5  # m beside the chair: the wall of an exit, and open space
+NOTICEABLE = 0.01  # a mean share below is none
+MUCH = 0.5  # of the other: a deviation is small beside another
 
 
 class Claim(NamedTuple):
-    """``text`` and ``measured`` in our words, ``source`` the place in the paper, ``verdict`` one of the four above."""
+    """``text`` and ``measured`` in our words, ``source`` the place in the paper, ``verdict`` one of the five above."""
 
     text: str
     source: str
@@ -93,14 +96,15 @@ def _verdict(low, high):
 
 def _at_all_times(rows):
     """A certain amount of the user's command is in the blend throughout: in every phase of every run."""
-    parts, least = [], np.inf
+    parts, lows = [], []
     for phase in ("approach", "doorway", "exit"):
         value, low, high = statistics.mean_interval([row["user_share_" + phase] for row in rows])
-        least = min(least, low)
+        lows.append(low)
         parts.append("%s %.3f (%.3f to %.3f)" % (phase, value, low, high))
+    there = [low > NOTICEABLE for low in lows]
     return Claim(
-        "In the stress tests a part of the user's turn rate is carried out in every phase.", "V-A, Fig. 5",
-        HOLDS if least > 0.0 else FAILS, "mean share, " + ", ".join(parts),
+        "In the stress tests a part of the user's turn rate (more than %g) is carried out in every phase." % NOTICEABLE,
+        "V-A, Fig. 5", HOLDS if all(there) else PARTLY if any(there) else FAILS, "mean share, " + ", ".join(parts),
     )
 
 
@@ -145,10 +149,10 @@ def _sides():
     model = TaskModel.load("paper")
     right = model.predict(WALL_FAR, 2.0, WALL_CLOSE, PACES[0])
     left = model.predict(WALL_CLOSE, 2.0, WALL_FAR, PACES[0])
-    holds = right.sigma_r < right.sigma_l and left.sigma_l < left.sigma_r
+    ratio = max(right.sigma_r / right.sigma_l, left.sigma_l / left.sigma_r)
     return Claim(
-        "Beside a wall, the variance towards it is near zero and the one away from it is large.", "III-A",
-        HOLDS if holds else FAILS,
+        "Beside a wall, the variance towards it is near zero and the one away from it is large (here: at most half).",
+        "III-A", HOLDS if ratio <= MUCH else PARTLY if ratio < 1.0 else FAILS,
         "wall %.1f m on the right: sigma_r %.3f, sigma_l %.3f rad/s; on the left: sigma_l %.3f, sigma_r %.3f" % (
             WALL_CLOSE, right.sigma_r, right.sigma_l, left.sigma_l, left.sigma_r),
     )

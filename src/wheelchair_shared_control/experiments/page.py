@@ -14,7 +14,7 @@ p { margin: 0.5rem 0; max-width: 46rem; }
 nav { display: flex; flex-wrap: wrap; gap: 0.3rem 1rem; margin: 0.8rem 0; }
 a { color: #1d4f91; }
 .figures { display: flex; flex-wrap: wrap; gap: 1rem; align-items: flex-start; }
-figure { margin: 0; flex: 1 1 20rem; min-width: 0; max-width: 34rem; }
+figure { margin: 0; flex: 1 1 26rem; min-width: 0; max-width: 34rem; }
 img { max-width: 100%; height: auto; display: block; }
 figcaption { font-size: 0.9rem; color: var(--faint); }
 code { display: block; font: 0.78rem/1.4 ui-monospace, monospace; background: var(--shade); padding: 0.4rem 0.5rem;
@@ -34,7 +34,10 @@ th { font-weight: 600; }
 .open { border-left-color: #b08a1e; } .open .verdict { color: #8a6a10; }
 .none { border-left-color: #999; } .none .verdict { color: #666; }
 """
-KINDS = {"reproduced": "good", "not reproduced": "bad", "undecided": "open", "not tested": "none"}
+KINDS = {
+    "reproduced": "good", "reproduced in part": "open", "undecided": "open", "not reproduced": "bad",
+    "not tested": "none",
+}
 
 
 def page(title, introduction, sections):

@@ -112,7 +112,7 @@ def _chair_with_triangle(axes, state, footprint):
 
 
 def stress_views(runs, titles):
-    """Fig. 5, left: each run from above, the chair's outline along its track; bold where the phases are."""
+    """Fig. 5, left: each run from above, the chair's outline along its track; bold in each phase."""
     with plt.rc_context(FONT):
         figure, panels = plt.subplots(len(runs), 1, figsize=(WIDTH, 2.75 * len(runs)), dpi=DPI, sharex=True,
                                       constrained_layout=True)
@@ -139,7 +139,8 @@ def _from_above(axes, run):
     for index in range(len(metrics.PHASES)):
         inside = np.flatnonzero((phase == index) & log.assisted)
         if inside.size:
-            pose = log.truth[inside[inside.size // 2]]
+            # of the approach only the end is stressed
+            pose = log.truth[inside[int(inside.size * (0.9 if index == 0 else 0.5))]]
             axes.add_patch(Polygon(footprints.corners(run.footprint, pose), closed=True, facecolor="#dde7f5",
                                    edgecolor=SENT, linewidth=1.2, alpha=0.75, zorder=3))
             # the letters of the paper's figure
