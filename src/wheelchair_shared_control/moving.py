@@ -23,6 +23,7 @@ BASELINE = (0.35, 0.8)  # s over which edges are compared
 SLOWEST = 0.15  # m/s: slower is noise of cells and odometry
 FASTEST = 2.0  # m/s: faster is a mismatch
 CONFIRMED = 2  # grids in a row that show motion before it is believed
+STANDS = 3  # grids in a row without motion before a walker is believed to stand
 REMEMBERED = 0.5  # s that a moving blob is moved on unseen
 FRESH = 0.4  # s: a cell that was found lethal earlier is not newly entered
 FRESH_SHARE = 0.12  # of a moving blob's cells: a person of 0.4 m at 0.3 m/s enters a quarter anew in that time
@@ -45,7 +46,7 @@ class Track:
     def __init__(self, stamp, blob):
         self.history = deque(maxlen=12)
         self.velocity = np.zeros(2)
-        self.seen_moving = 0
+        self.seen_moving = self.seen_standing = 0
         self.take(stamp, blob)
 
     def expected(self, stamp):
@@ -61,23 +62,33 @@ class Track:
         """Follow the blob to where it is now."""
         self.stamp, self.blob = stamp, blob
         self.history.append((stamp, blob.edges))
-        velocity = self._measured()
+        velocity = self._measured(False)
         if velocity is None:
             return
+        if self.moves and not SLOWEST <= float(np.hypot(*velocity)) <= FASTEST:
+            velocity = self._measured(True)
         if SLOWEST <= float(np.hypot(*velocity)) <= FASTEST and blob.fresh >= FRESH_SHARE:
             self.velocity = velocity if not self.seen_moving else 0.5 * (self.velocity + velocity)
-            self.seen_moving += 1
-        else:
+            self.seen_moving, self.seen_standing = self.seen_moving + 1, 0
+            return
+        self.seen_standing += 1
+        if not self.moves or self.seen_standing >= STANDS:
             self.seen_moving = 0
 
-    def _measured(self):
-        """Velocity (2,) [m/s] over the baseline, or None while the blob is too young."""
+    def _measured(self, leading):
+        """Velocity (2,) [m/s] over the baseline, or None while the blob is too young.
+
+        ``leading``: by the edges alone that lead in the way that is believed; 0 where they turned back.
+        """
         for stamp, edges in self.history:
             span = self.stamp - stamp
             if span < BASELINE[0]:
                 return None
             if span <= BASELINE[1]:
                 shift = self.blob.edges - edges
+                if leading:
+                    lead = np.where(self.velocity > 0.0, shift[1], shift[0])
+                    return lead / span if lead @ self.velocity > 0.0 else np.zeros(2)
                 together = (shift[0] * shift[1]) > 0.0
                 order = np.abs(shift[0]) < np.abs(shift[1])
                 less, more = np.where(order, shift[0], shift[1]), np.where(order, shift[1], shift[0])

@@ -332,6 +332,19 @@ class TestMoving:
                 found = found or len(moving.points) > 0
             assert found == moves
 
+    def test_keep_moving_while_their_trail_lags(self):
+        # From the 10th grid on the cells behind the walker are not cleared any more: only the leading edge goes on.
+        # Half a second after the leading edge has stopped, the walker is believed to stand.
+        moving, cells = MovingCells(), empty().cells
+        for k in range(32):
+            y = -2.0 + 0.05 * min(k, 22)
+            grid = filled(empty(), (1.3, 1.7), (y - 0.2, y + 0.2))
+            cells = np.maximum(cells, grid.cells) if k > 10 else grid.cells
+            moving.update(grid._replace(cells=cells.copy(), stamp=0.1 * k))
+            if 8 <= k <= 22:
+                assert len(moving.points) and moving.velocities[0, 1] > 0.3, k
+        assert len(moving.points) == 0
+
     def test_are_followed_while_the_window_rolls(self):
         moving = MovingCells()
         for k in range(10):
