@@ -35,8 +35,8 @@ class Body(NamedTuple):
 
 FAR = 2.0
 UNKNOWN, SEEN, PRESUMED = 0, 1, 2
-# No division is by zero here, and no value NaN: the checks cost more than the arithmetic. Not "reassoc": sums would then
-# depend on whether a kernel was compiled in this process or read from the cache, and with them the last digit of a run.
+# No division is by zero here, and no value NaN: the checks cost more than the arithmetic. Not "reassoc": sums would
+# then depend on whether a kernel was compiled in this process or read from the cache, and with them a run's last digit.
 FAST = dict(cache=True, error_model="numpy", fastmath={"nsz", "arcp", "contract"})
 
 
