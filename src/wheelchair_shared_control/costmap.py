@@ -12,6 +12,7 @@ import numpy as np
 
 from wheelchair_shared_control import footprint as footprints
 from wheelchair_shared_control.costmap_cells import (
+    DOUBTFUL,
     PRESUMED,
     SEEN,
     apply_counts,
@@ -48,8 +49,9 @@ class CostmapSnapshot(NamedTuple):
     ``cost`` uint8, from the distances between cells' centres; ``distance`` float32 [m] from a cell's centre to
     the surface in the nearest lethal cell (finer than a cell, see `costmap_surface`), capped;
     ``known`` bool: seen, driven over or presumed; ``presumed`` bool: only taken as free because the chair
-    started there, nobody has looked; ``origin`` outer corner of cell [0, 0] in odom [m]; ``stamp`` [s]:
-    oldest of the required sources' newest observations, -inf while one of them has sent nothing.
+    started there, nobody has looked, ``doubtful`` bool: that of it which is farther off;
+    ``origin`` outer corner of cell [0, 0] in odom [m]; ``stamp`` [s]: oldest of the required sources'
+    newest observations, -inf while one of them has sent nothing.
     """
 
     cost: np.ndarray
@@ -59,6 +61,7 @@ class CostmapSnapshot(NamedTuple):
     origin: Tuple[float, float]
     stamp: float
     presumed: Optional[np.ndarray] = None
+    doubtful: Optional[np.ndarray] = None
 
 
 def to_grid(snapshot):
@@ -293,7 +296,7 @@ class Costmap:
         measure_to_surface(distance, self._nearest, self._boxes, self.resolution, s.inflation_radius)
         stamp = min((self.newest.get(name, -math.inf) for name in self._required), default=float(now))
         return CostmapSnapshot(cost, distance, self._known.astype(bool), self.resolution, self.origin, stamp,
-                               self._known == PRESUMED)
+                               (self._known == PRESUMED) | (self._known == DOUBTFUL), self._known == DOUBTFUL)
 
     # --- inside ------------------------------------------------------------------------------------------
 
@@ -320,15 +323,14 @@ class Costmap:
             layer[:] = moved
 
     def _drive_over(self, margin=0.0):
-        shape = footprints.grown(self.footprint, margin)
-        origin = np.array(self.origin)
-        cells_inside(self._own, self.pose, shape.front, shape.rear, shape.half_width, origin, self.resolution)
-        drive_over(self._odds, self._mask, self._known, self._seen, self._own, self.settings.log_odds_min,
-                   PRESUMED if margin else SEEN)
-        if margin:
-            cells_inside(self._own, self.pose, self.footprint.front, self.footprint.rear,
-                         self.footprint.half_width, origin, self.resolution)
-            self._known[self._own] = SEEN
+        trust = min(margin, self.settings.start_trust)
+        for around, how in ((margin, DOUBTFUL), (trust, PRESUMED), (0.0, SEEN)):
+            if around == 0.0 and how != SEEN:
+                continue
+            shape = footprints.grown(self.footprint, around)
+            cells_inside(self._own, self.pose, shape.front, shape.rear, shape.half_width, np.array(self.origin),
+                         self.resolution)
+            drive_over(self._odds, self._mask, self._known, self._seen, self._own, self.settings.log_odds_min, how)
 
     def _source(self, name):
         try:

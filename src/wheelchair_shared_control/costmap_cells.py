@@ -2,7 +2,8 @@
 
 Memory of a cell: ``odds`` (log-odds of being occupied), ``mask`` (heights at which something was seen, see
 `costmap_depth`), ``places`` (where in the cell, see `costmap_surface`), ``known`` (0 no, SEEN free or
-driven over, PRESUMED free at the start, FOUND occupied), ``seen`` [s] (for how long something was seen there),
+driven over, PRESUMED free at the start, FOUND occupied, DOUBTFUL presumed, but farther off),
+``seen`` [s] (for how long something was seen there),
 ``last`` [s] (when last).
 
 The newest look wins: the log-odds are held in a narrow band, two looks through an obstacle erase it, and one
@@ -22,7 +23,7 @@ from wheelchair_shared_control.costmap_depth import (
     look,
 )
 
-SEEN, PRESUMED, FOUND = 1, 2, 3
+SEEN, PRESUMED, FOUND, DOUBTFUL = 1, 2, 3, 4
 _STANDS = 5.0  # time counts so much more for what was found on unknown ground
 ALL_PLACES = np.uint16(0xFFFF)
 
@@ -252,7 +253,7 @@ def forget_brief(odds, mask, known, seen, last, now, memory_time, static_time):
 
 @numba.njit(cache=True, nogil=True)
 def drive_over(odds, mask, known, seen, own, odds_min, how):
-    """The ground under the chair is free and known, whatever was remembered there; ``how`` SEEN, PRESUMED."""
+    """The ground under the chair is free and known, whatever was remembered there; ``how`` SEEN, PRESUMED, DOUBTFUL."""
     for row in range(own.shape[0]):
         for column in range(own.shape[1]):
             if own[row, column]:

@@ -24,6 +24,7 @@ REFINE_EVERY = 30  # ticks: 2 Hz, the detector while a doorway is latched
 
 DENSITY_LEVEL = 0.05  # quantile of the training set below which an input counts as not demonstrated
 DETECTOR_SEED = 0
+NEVER = 3.14  # rad off the door, hardly to be reached
 
 
 class GraphSettings(NamedTuple):
@@ -114,7 +115,6 @@ class Graph:
         self._base_from_camera = cameras.mounting(wheelchair)
         self._costmap = Costmap(s.navigation.local_costmap, wheelchair)
         self._navigator = planners.make(s.navigation, options.planner)
-        self._assistance = Assistance(s.assistant)
         self._detector = Detector(self._camera, self._base_from_camera, s.detector) if options.detector else None
         self._blender = SharedControl(s.blender, options.policy, options.guard)
         self._model = None
@@ -123,6 +123,9 @@ class Graph:
             self._blender.density_floor = self._model.density_quantiles[DENSITY_LEVEL]
         # under policy `planner` the stick is logged, but no user takes part: neither planner nor assistance hears it
         self._planner_alone = options.policy == "planner"
+        # Where no person takes part, nobody turns away from the door: the planner turns round where it is narrow.
+        self._assistance = Assistance(
+            s.assistant.replace(**{"cancel/heading": NEVER}) if self._planner_alone else s.assistant)
         self._user = users.make(
             options.user, s.users, setup.door.pose, stream(seed, USER_STREAM), setup.world,
             button=users.FACE_FIRST if options.detector else users.AT_ONCE,

@@ -28,6 +28,7 @@ TABLE = [
     P("local_costmap/log_odds_min", float, "", -5.0, 0.0, "least log-odds; near 0 an intruder shows at once"),
     P("local_costmap/log_odds_max", float, "", 0.5, 5.0, "largest log-odds; small, so that the newest look wins"),
     P("local_costmap/start_margin", float, "m", 0.0, 1.0, "ground about the first footprint taken as free"),
+    P("local_costmap/start_trust", float, "m", 0.0, 1.0, "the part of it that the chair may reverse over unseen"),
     P("local_costmap/floor_tolerance", float, "m", 0.01, 0.2, "returns this far below the floor are drop-offs"),
     P("local_costmap/pitch_tolerance", float, "rad", 0.0, 0.1, "error of the camera's pitch that is tracked"),
     P("local_costmap/floor_near", float, "m", 0.0, 5.0, "from this distance of the camera on the floor must be seen"),
@@ -64,6 +65,7 @@ TABLE += [
     P("planner/speed_per_clearance", float, "1/s", 0.0, 20.0, "speed gained per metre of clearance"),
     P("planner/speed_in_unknown", float, "m/s", 0.02, 1.0, "speed towards ground that was not seen"),
     P("planner/min_clearance", float, "m", 0.0, 0.2, "least distance to a lethal cell's centre that is planned"),
+    P("planner/turn_clearance", float, "m", 0.0, 0.3, "the same for turns on the spot, which swing the corners"),
     P("planner/margin", float, "m", 0.0, 0.2, "no command brings a lethal cell's centre closer at standstill"),
     P("planner/margin_per_speed", float, "s", 0.0, 0.5, "added to it per m/s of the outermost corner"),
 ]

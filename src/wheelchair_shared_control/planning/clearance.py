@@ -13,9 +13,9 @@ from wheelchair_shared_control import footprint as footprints
 
 
 class Field(NamedTuple):
-    """What the kernels read: ``distance`` (rows, cols) float32 [m]; ``known`` (rows, cols) uint8: UNKNOWN, SEEN or
-    PRESUMED (taken for free, but neither seen nor driven over); ``frame`` (3,) float64: x and y [m] of the outer
-    corner of cell [0, 0], resolution [m]."""
+    """What the kernels read: ``distance`` (rows, cols) float32 [m]; ``known`` (rows, cols) uint8: UNKNOWN, SEEN,
+    PRESUMED (taken for free, but neither seen nor driven over) or DOUBTFUL (the same, and not reversed over);
+    ``frame`` (3,) float64: x and y [m] of the outer corner of cell [0, 0], resolution [m]."""
 
     distance: np.ndarray
     known: np.ndarray
@@ -34,7 +34,7 @@ class Body(NamedTuple):
 
 
 FAR = 2.0
-UNKNOWN, SEEN, PRESUMED = 0, 1, 2
+UNKNOWN, SEEN, PRESUMED, DOUBTFUL = 0, 1, 2, 3
 # No division is by zero here, and no value NaN: the checks cost more than the arithmetic. Not "reassoc": sums would
 # then depend on whether a kernel was compiled in this process or read from the cache, and with them a run's last digit.
 FAST = dict(cache=True, error_model="numpy", fastmath={"nsz", "arcp", "contract"})
@@ -46,6 +46,8 @@ def make_field(snapshot):
     known = snapshot.known.astype(np.uint8)
     if snapshot.presumed is not None:
         known[snapshot.presumed] = PRESUMED
+    if snapshot.doubtful is not None:
+        known[snapshot.doubtful] = DOUBTFUL
     return Field(
         np.ascontiguousarray(snapshot.distance, dtype=np.float32),
         known,
@@ -128,7 +130,7 @@ def field_gradient(distance, frame, x, y):
 
 @njit(**FAST)
 def known_at(known, frame, x, y):
-    """UNKNOWN, SEEN or PRESUMED, of a point's cell; UNKNOWN outside the window."""
+    """UNKNOWN, SEEN, PRESUMED or DOUBTFUL, of a point's cell; UNKNOWN outside the window."""
     col = int(np.floor((x - frame[0]) / frame[2]))
     row = int(np.floor((y - frame[1]) / frame[2]))
     if row < 0 or col < 0 or row >= known.shape[0] or col >= known.shape[1]:

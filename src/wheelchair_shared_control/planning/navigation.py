@@ -11,15 +11,18 @@ import numpy as np
 
 from wheelchair_shared_control import se2
 from wheelchair_shared_control.planning import clearance, following
-from wheelchair_shared_control.planning.planner import Planner, resampled, rolled
+from wheelchair_shared_control.planning.holding import Hold, way_back
+from wheelchair_shared_control.planning.planner import Path, Planner, resampled, rolled
 from wheelchair_shared_control.values import STOP, Twist
 
 IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person is driving forward
 SLICE = 500  # states expanded in one cycle
+BACK_TIME, BACK_TIMES, BACKED = 5.0, 4, 0.04  # s for a way back, how often for one goal, m that may remain of it
 FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
 TURNING = 0.6  # rad/s: mean rate of a turn on the spot
 FACED = 0.04  # rad: a turn on the spot with no more left is done
+LEAST = 0.008  # m/s and rad/s together: a smaller command moves nothing
 # Candidates, as shares of the wanted speed and turn rate, in the order of preference.
 SCALES = np.array([[1.0, 1.0], [0.85, 0.85], [0.7, 0.7], [0.55, 0.55], [0.4, 0.4], [0.28, 0.28], [0.18, 0.18],
                    [0.1, 0.1], [0.5, 1.0], [1.0, 0.5], [1.0, 0.0], [0.4, 0.0], [0.0, 1.0], [0.0, 0.5]])
@@ -67,6 +70,7 @@ class Navigator:
         self.acc = min(p.acc_lim_x, limits.acceleration)
         self.turn_acc = min(p.acc_lim_theta, limits.turn_acceleration)
         self._sent = deque(maxlen=200)
+        self._hold = Hold(self.plant)
         self._forget()
         self.status, self.reason = IDLE, ""
         self._zero_due = False
@@ -78,6 +82,8 @@ class Navigator:
         self._since_legal = self._since_path = None
         self._recovered = False
         self._anchor = None
+        self._hold.forget()
+        self._back_until, self._backs = None, 0
         self._no_path = ""
         self._searching = False
         self._looks = True  # before the first path
@@ -159,9 +165,10 @@ class Navigator:
         acting, anchor = self._predict(now, odometry, user_v)
         moving = -1 if abs(acting[3]) < 0.1 else (0 if acting[3] > 0.0 else 1)
         if self._looks:
-            look = self._look(now, field, acting, anchor, moving)
+            look = self._look(now, odometry, field, acting, anchor, moving)
             if look is not None:
                 return look
+        self._back_off(now, odometry, field, anchor, user_v)
         path, reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING, moving)
         if path is None:
             return self._without_path(now, reason)
@@ -246,7 +253,7 @@ class Navigator:
         return self._stop(now, reason, recovery=True, **plans)
 
     # --- looking -----------------------------------------------------------------------------------------
-    def _look(self, now, field, acting, anchor, moving):
+    def _look(self, now, odometry, field, acting, anchor, moving):
         """Decision to turn on the spot towards the goal while the ground before it was not seen; else None.
 
         The camera sees 57 degrees: a path through ground that it has not seen would be found anew all the time.
@@ -261,6 +268,11 @@ class Navigator:
             and not all(clearance.known_at(field.known, field.frame, *point) == clearance.SEEN for point in along))
         if not self._looks:
             return None
+        soon = anchor + np.outer((0.1, 0.2), (0.0, 0.0, np.sign(turn)))
+        room = self.planner.clearance(field, np.vstack((anchor, soon)))
+        if np.any(room[1:] < min(self.settings.planner.turn_clearance, room[0])) or self._held(now, odometry, None):
+            self._looks = False
+            return None
         w = np.sign(turn) * min(self.w_max, max(0.12, np.sqrt(self.turn_acc * abs(turn))))
         pose = self.planner.still(field, acting[:3])
         legal = self._legal(field, acting, self._limited(0.0, w), pose)
@@ -268,6 +280,37 @@ class Navigator:
             self._looks = False
             return None
         return self._send(now, legal[0], "looks towards the goal", local_plan=legal[1][0])
+
+    # --- backing off -------------------------------------------------------------------------------------
+    def _back_off(self, now, odometry, field, anchor, user_v):
+        """Begin a way back where the chair stands although it is told to move; nothing while a person drives."""
+        if not self._held(now, odometry, user_v) or self.settings.planner.min_vel_x >= 0.0 or self._backs >= BACK_TIMES:
+            return
+        self._hold.forget()
+        steps = way_back(field, self.planner, anchor)
+        if steps is None:
+            return
+        self._backs += 1
+        self._back_until = now + BACK_TIME
+        poses = rolled(anchor, steps)
+        self._path = Path(steps, poses, np.full(len(steps), -1), self.planner.clearance(field, poses))
+        self._step, self._path_goal = 0, poses[-1]
+        self._searching = False
+        self._sent.append((now, 0.0, 0.0))  # it stands: what was told last need not be braked from
+
+    def _held(self, now, odometry, user_v):
+        """Whether the chair stands although it has long been told to move; with a person at the stick nobody knows."""
+        told = bool(self._sent) and (abs(self._sent[-1][1]) > 0.02 or abs(self._sent[-1][2]) > 0.05)
+        return self._hold.update(now, odometry.pose, told and user_v is None)
+
+    def _backing(self, now, way, blocked):
+        """Whether the way back is still being driven; at its end the path to the goal is looked for."""
+        if self._back_until is None:
+            return False
+        if not blocked and now < self._back_until and np.hypot(*(way.poses[0, :2] - self._path_goal[:2])) > BACKED:
+            return True
+        self._back_until, self._path, self._searched_at = None, None, -np.inf
+        return False
 
     # --- path --------------------------------------------------------------------------------------------
     def _predict(self, now, odometry, user_v):
@@ -308,6 +351,10 @@ class Navigator:
             way, deviation, turned = self._remaining(field, anchor)
             blocked = (self.planner.blocked(way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
                        or (not allow_reverse and bool(np.any(way.kinds < 0))))
+            if self._backing(now, way, blocked):
+                return way, ""
+            if self._path is None:
+                way, blocked = None, True
         period = 0.2 if blocked else 1.0 / self.settings.planner_frequency
         if not self._searching and now - self._searched_at >= period:
             self._searched_at, self._searching = now, True
@@ -350,7 +397,8 @@ class Navigator:
         steps, kinds = resampled(steps, path.kinds[step:])
         targets = rolled(on_path, steps)
         targets[-1] = self.planner._inside(field, self._path_goal)
-        way = self.planner.refine(field, anchor, steps, kinds, targets, 6)
+        # The way back is straight: it was looked at as it is.
+        way = self.planner.refine(field, anchor, steps, kinds, targets, 0 if self._back_until is not None else 6)
         n = int(np.argmax(way.kinds != 0))
         if n and abs(np.sum(way.steps[:n, 1])) < FACED:
             # The rest of a turn is not worth standing for: the drive that follows steers it out.
@@ -401,6 +449,7 @@ class Navigator:
     def _legal(self, field, acting, command, path):
         """(the command, or the most of it that stays clear, or None), and the trajectories that were looked at."""
         p, plant = self.settings.planner, self.plant
+        nothing = np.hypot(*command) <= LEAST  # between a drive and its reversal
         commands = np.ascontiguousarray(SCALES * np.array(command))
         n = int(np.ceil(p.sim_time / following.DT))
         hold = max(1, int(round(1.0 / self.settings.controller_frequency / following.DT))) + 1
@@ -412,6 +461,6 @@ class Navigator:
         # As the guard has it; and not much closer than the path ahead: a wide door is not passed by a hair.
         margin = np.maximum(p.margin + p.margin_per_speed * corner, min(0.5 * float(np.min(path.clear[:12])), 0.05))
         for k in np.flatnonzero(least >= np.minimum(margin, here - 1e-4)):
-            if np.hypot(*commands[k]) > 0.008:
+            if nothing or np.hypot(*commands[k]) > LEAST:
                 return Twist(*map(float, commands[k])), poses, commands, least
         return None, poses, commands, least

@@ -13,11 +13,14 @@ from wheelchair_shared_control.planning import clearance, refinement, search
 from wheelchair_shared_control.planning.following import kinds_of, seen_ahead
 
 SLIMMER = 0.04
-SLIM_FLOOR = -0.03
+TURN_SLACK = 0.005  # m: so much more is asked of a turn when it is searched than when it is checked
+SLIM_FLOOR, SLIM_TURN_FLOOR = -0.03, 0.02
 GOAL_XY, GOAL_YAW = 0.05, 0.1  # m, rad: how near to the goal a search ends
 # comfortable [m], near [m], then weights: spine, outline, near, pose xy, pose yaw, end xy, end yaw,
-# change of ds, change of dtheta, bending.
-REFINEMENT = np.array([0.30, 0.07, 1000.0, 300.0, 300.0, 2.0, 0.3, 100.0, 60.0, 1000.0, 20.0, 8.0])
+# change of ds, change of dtheta, bending; narrow [m], straight [m]: from so far before what is narrow bending costs
+# so much [1] more.
+REFINEMENT = np.array([0.30, 0.05, 1000.0, 300.0, 10000.0, 2.0, 0.3, 100.0, 60.0, 1000.0, 20.0, 8.0,
+                       0.15, 0.25, 300.0])
 STEP, STEP_TURN = 0.08, 0.12  # m, rad: length of a step of a path
 COMFORTABLE = 0.08  # m: a path with so much room is taken as it is
 ROUND_BEFORE, ROOM = 1.0, 0.2  # m: a turn so far before a clearance below that stays a turn
@@ -75,11 +78,14 @@ class Planner:
     def blocked(self, path, limit=None):
         """Index of the first pose whose clearance is below the limit and below what the start has, or -1.
 
-        A chair that stands close to something may leave: up to half a metre on, it may be as close as it is.
+        Turns on the spot swing the corners and need more. A chair that stands close to something may leave: up to
+        half a metre on, it may be as close as it is.
         """
         limit = self.settings.min_clearance if limit is None else limit
+        turns = np.concatenate((path.kinds, [1])) * np.concatenate(([1], path.kinds)) == 0
+        limit = np.where(turns, limit + self.settings.turn_clearance - self.settings.min_clearance, limit)
         travelled = np.concatenate(([0.0], np.cumsum(np.hypot(path.steps[:, 0], 0.5 * path.steps[:, 1]))))
-        floor = np.where(travelled < 0.5, min(limit, path.clear[0] - 0.003), limit)
+        floor = np.where(travelled < 0.5, np.minimum(limit, path.clear[0] - 0.003), limit)
         bad = np.flatnonzero(path.clear < floor)
         return int(bad[0]) if len(bad) else -1
 
@@ -88,12 +94,12 @@ class Planner:
         allow_reverse = allow_reverse and self.settings.min_vel_x < 0.0
         self._task = (field, np.array(start, dtype=float), self._inside(field, np.asarray(goal, dtype=float)),
                       allow_reverse, moving, max(GOAL_XY, tolerance))
-        self._begin_search(self._slim, SLIM_FLOOR)
+        self._begin_search(self._slim, SLIM_FLOOR, SLIM_TURN_FLOOR)
 
-    def _begin_search(self, which, floor):
+    def _begin_search(self, which, floor, turn_floor):
         field, start, goal, allow_reverse, moving, reach = self._task
         self._search = which
-        which.begin(field, start, goal, reach, GOAL_YAW, allow_reverse, floor, moving)
+        which.begin(field, start, goal, reach, GOAL_YAW, allow_reverse, floor, moving, turn_floor)
 
     def go_on(self, cap):
         """Work on the plan begun: None after ``cap`` states if it goes on, else (Path or None, reason)."""
@@ -107,7 +113,7 @@ class Planner:
             if self.blocked(path) < 0:
                 return path, ""
         if slim and not (found.steps is None and found.exhausted):
-            self._begin_search(self._true, self.settings.min_clearance)
+            self._begin_search(self._true, self.settings.min_clearance, self.settings.turn_clearance + TURN_SLACK)
             return None
         if found.steps is None and not found.exhausted:
             return None, "no path within %d states" % found.expansions

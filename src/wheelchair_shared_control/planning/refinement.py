@@ -10,7 +10,7 @@ from numba import njit
 
 from wheelchair_shared_control.planning.clearance import FAST, clearance, field_gradient
 
-NARROW, STRAIGHT, STIFF = 0.15, 0.35, 15.0  # m, m, 1: straight from so far before what is narrow
+ARC = 0.5  # rad/m: what was searched as an arc stays one
 STEER = 0.35  # m: within about three of it a deviation from the path is steered out
 
 
@@ -56,7 +56,7 @@ def _track(start, prior, kinds, targets, steps, poses):
 @njit(**FAST)
 def _stage(distance, frame, outline, spine, half_width, reach, middle, weights, pose, target, end, g, h):
     """Cost of one pose; adds gradient (3,) and Gauss-Newton Hessian (3, 3)."""
-    comfortable, near, w_spine, w_outline, w_near, w_xy, w_yaw, w_end_xy, w_end_yaw, _, _, _ = weights
+    comfortable, near, w_spine, w_outline, w_near, w_xy, w_yaw, w_end_xy, w_end_yaw = weights[:9]
     g[:] = 0.0
     h[:] = 0.0
     cost = 0.0
@@ -112,7 +112,8 @@ def _stage(distance, frame, outline, spine, half_width, reach, middle, weights, 
 def _bend_weights(distance, frame, outline, spine, half_width, reach, middle, weights, prior, targets):
     """Weight (n,) of each step's bending: large in narrow places and shortly before them.
 
-    The front is 0.7 m ahead of the axle: who still bends when the front enters is not square.
+    The front is 0.7 m ahead of the axle: who still bends when the front enters is not square. And the map's jambs
+    are ragged: who follows them wags in the door.
     """
     n = prior.shape[0]
     out = np.empty(n)
@@ -120,9 +121,10 @@ def _bend_weights(distance, frame, outline, spine, half_width, reach, middle, we
     for k in range(n - 1, -1, -1):
         c = clearance(distance, frame, outline, spine, half_width, reach, middle, 0.5,
                       targets[k + 1, 0], targets[k + 1, 1], targets[k + 1, 2])
-        if c < NARROW:
-            left = STRAIGHT
-        out[k] = weights[11] * (1.0 + (STIFF if left > 0.0 and prior[k, 0] > 0.01 else 0.0))
+        if c < weights[12]:
+            left = weights[13]
+        stiff = left > 0.0 and prior[k, 0] > 0.01 and abs(prior[k, 1]) < ARC * prior[k, 0]
+        out[k] = weights[11] * (1.0 + (weights[14] if stiff else 0.0))
         left -= abs(prior[k, 0]) + 0.3 * abs(prior[k, 1])
     return out
 

@@ -9,7 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from wheelchair_shared_control.planning.clearance import FAST, PRESUMED, SEEN, UNKNOWN, clearance, field_at, known_at
+from wheelchair_shared_control.planning.clearance import (
+    DOUBTFUL,
+    FAST,
+    PRESUMED,
+    SEEN,
+    UNKNOWN,
+    clearance,
+    field_at,
+    known_at,
+)
 
 BIN, HEADINGS = 0.05, 72
 COARSE = 0.1
@@ -36,7 +45,8 @@ class Weights(NamedTuple):
     stop: float = 0.5
     comfortable: float = 0.30
     narrow: float = 8.0
-    unknown_factor: float = 1.6
+    presumed_factor: float = 1.6
+    unknown_factor: float = 3.0  # a short cut through what nobody saw often ends at a wall
 
 
 class SearchResult(NamedTuple):
@@ -126,7 +136,7 @@ def cost_to_go(distance, frame, rows, cols, goal, radius, weights, keys, items):
 @njit(**FAST)
 def _price(ds, dth, kind, c, ground, weights):
     """Cost [s] of a piece of path with clearance ``c`` [m]."""
-    speed, turn_rate, reverse_factor, _, _, comfortable, narrow, unknown_factor = weights
+    speed, turn_rate, reverse_factor, _, _, comfortable, narrow, presumed_factor, unknown_factor = weights
     time = max(abs(ds) / speed, abs(dth) / turn_rate)
     if kind == REVERSE:
         time *= reverse_factor
@@ -136,7 +146,7 @@ def _price(ds, dth, kind, c, ground, weights):
         if c < 0.04:
             time *= 1.0 + 3.0 * (0.04 - c) / 0.04
     if ground != SEEN:
-        time *= unknown_factor
+        time *= unknown_factor if ground == UNKNOWN else presumed_factor
         # Not seen, and something stands near, or nobody looks there: a swing or a reversal into what is presumed.
         if kind == REVERSE or (kind == TURN and c < BESIDE):
             time *= UNSEEN_FACTOR
@@ -159,25 +169,28 @@ def _ground(known, frame, x, y, th, edge, half_width):
         what = known_at(known, frame, x + c * edge - s * side * half_width, y + s * edge + c * side * half_width)
         if what == UNKNOWN:
             return UNKNOWN
-        if what == PRESUMED:
-            worst = PRESUMED
+        if what == DOUBTFUL or (what == PRESUMED and worst == SEEN):
+            worst = what
     return worst
 
 
 @njit(**FAST)
-def _piece(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor,
+def _piece(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, turn_floor,
            rear, x, y, th, ds, dth, kind, parts, weights):
     """Drive one piece in ``parts``: cost (inf: not allowed) and the end pose."""
+    # A chair that turns swings its corners: what share of its outermost corner's way that is decides the floor.
+    swing = (reach + middle) * abs(dth)
+    least = floor + (turn_floor - floor) * min(1.0, 2.0 * swing / (abs(ds) + swing + 1e-9))
     total = 0.0
     for _ in range(parts):
         x, y, th = _move(x, y, th, ds / parts, dth / parts)
         c = clearance(distance, frame, outline, spine, half_width, reach, middle, 0.5, x, y, th) - shrink
-        if c < floor:
+        if c < least:
             return np.inf, x, y, th
         ground = SEEN
         if kind == REVERSE:
             ground = _ground(known, frame, x, y, th, rear, half_width)
-            if ground == UNKNOWN:
+            if ground == UNKNOWN or ground == DOUBTFUL:
                 return np.inf, x, y, th
         else:
             ground = _ground(known, frame, x, y, th, 2.0 * middle - rear, half_width)
@@ -193,19 +206,21 @@ def _wrap(a):
 
 
 @njit(**FAST)
-def _axis(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, rear, goal, weights, out):
+def _axis(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, turn_floor, rear, goal,
+          weights, out):
     """Fill ``out`` (n,): cost of driving along the goal's axis from AXIS_STEP * k before the goal to it."""
     out[0] = 0.0
     cg, sg = np.cos(goal[2]), np.sin(goal[2])
     for k in range(1, out.shape[0]):
         back = AXIS_STEP * k
-        price, _, _, _ = _piece(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, rear,
-                                goal[0] - back * cg, goal[1] - back * sg, goal[2], AXIS_STEP, 0.0, FORWARD, 1, weights)
+        price, _, _, _ = _piece(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor,
+                                turn_floor, rear, goal[0] - back * cg, goal[1] - back * sg, goal[2], AXIS_STEP, 0.0,
+                                FORWARD, 1, weights)
         out[k] = out[k - 1] + price
 
 
 @njit(**FAST)
-def _shot(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, rear,
+def _shot(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, turn_floor, rear,
           x, y, th, kind0, goal, back, axis, weights, best):
     """Cost of turn, drive to the axis point ``back`` [m] before the goal, turn, drive to the goal.
 
@@ -251,7 +266,7 @@ def _shot(distance, known, frame, outline, spine, half_width, reach, middle, shr
             continue
         for _ in range(n):
             price, x, y, th = _piece(distance, known, frame, outline, spine, half_width, reach, middle, shrink,
-                                     floor, rear, x, y, th, ds / n, dth / n, kind, 1, weights)
+                                     floor, turn_floor, rear, x, y, th, ds / n, dth / n, kind, 1, weights)
             cost += price
             if cost >= best:
                 return np.inf, 0.0, 0.0, 0.0, 0.0
@@ -271,14 +286,16 @@ def _bin(frame, nx, ny, x, y, th):
 
 
 @njit(**FAST)
-def _begin(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, rear, start, kind, goal,
-           weights, table, node_pose, node_g, node_parent, node_primitive, node_kind, keys, items, axis, counts):
+def _begin(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, turn_floor, rear, start,
+           kind, goal, weights, table, node_pose, node_g, node_parent, node_primitive, node_kind, keys, items, axis,
+           counts):
     """Set up a search; returns the estimate to the goal."""
     rows, cols = distance.shape
     width, height = cols * frame[2], rows * frame[2]
     bound = cost_to_go(distance, frame, int(height / COARSE), int(width / COARSE), goal, half_width,
                        weights, keys, items)
-    _axis(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, rear, goal, weights, axis)
+    _axis(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, turn_floor, rear, goal,
+          weights, axis)
     table[: int(width / BIN) * int(height / BIN) * HEADINGS] = -1
     node_pose[0, 0], node_pose[0, 1], node_pose[0, 2] = start[0], start[1], start[2]
     node_g[0] = 0.0
@@ -291,7 +308,7 @@ def _begin(distance, known, frame, outline, spine, half_width, reach, middle, sh
 
 
 @njit(**FAST)
-def _continue(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, rear,
+def _continue(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, turn_floor, rear,
               start, goal, goal_xy, goal_yaw, allow_reverse, cap, weights, primitives, axis_points, bound, best,
               table, node_pose, node_g, node_parent, node_primitive, node_kind, keys, items, axis, counts, shot):
     """Expand up to ``cap`` states more. Returns the best cost, and whether the search has come to its end."""
@@ -302,7 +319,7 @@ def _continue(distance, known, frame, outline, spine, half_width, reach, middle,
     # A start that stands closer than the floor must be able to leave: what the start has is enough near it.
     start_c = clearance(distance, frame, outline, spine, half_width, reach, middle, 0.5,
                         start[0], start[1], start[2]) - shrink
-    start_floor = min(floor, start_c - 0.002)
+    start_floor, start_turn_floor = min(floor, start_c - 0.002), min(turn_floor, start_c - 0.002)
     ended = True
     last = expansions + cap
     while size > 0:
@@ -323,14 +340,15 @@ def _continue(distance, known, frame, outline, spine, half_width, reach, middle,
                 best, best_node = g, node
                 shot[0] = shot[1] = shot[2] = shot[3] = 0.0
             continue
-        here_floor = floor
+        here_floor, here_turn_floor = floor, turn_floor
         if np.hypot(x - start[0], y - start[1]) < 0.5:
-            here_floor = start_floor
+            here_floor, here_turn_floor = start_floor, start_turn_floor
         if expansions % 10 == 0:
             for k in range(-1, axis_points.shape[0]):
                 cost, t1, d1, t2, d2 = _shot(
-                    distance, known, frame, outline, spine, half_width, reach, middle, shrink, here_floor, rear,
-                    x, y, th, kind0, goal, -1.0 if k < 0 else axis_points[k], axis, weights, best - g)
+                    distance, known, frame, outline, spine, half_width, reach, middle, shrink, here_floor,
+                    here_turn_floor, rear, x, y, th, kind0, goal, -1.0 if k < 0 else axis_points[k], axis, weights,
+                    best - g)
                 if g + cost < best:
                     best, best_node = g + cost, node
                     shot[0], shot[1], shot[2], shot[3] = t1, d1, t2, d2
@@ -340,7 +358,7 @@ def _continue(distance, known, frame, outline, spine, half_width, reach, middle,
             if kind == REVERSE and not allow_reverse:
                 continue
             price, px, py, pth = _piece(distance, known, frame, outline, spine, half_width, reach, middle,
-                                        shrink, here_floor, rear, x, y, th, ds, dth, kind, 2, weights)
+                                        shrink, here_floor, here_turn_floor, rear, x, y, th, ds, dth, kind, 2, weights)
             if price == np.inf:
                 continue
             if kind0 >= 0 and kind != kind0:
@@ -398,18 +416,21 @@ class PathSearch:
         self._axis = np.empty(int(AXIS_LENGTH / AXIS_STEP) + 1)
         self._problem = None
 
-    def begin(self, field, start, goal, goal_xy, goal_yaw, allow_reverse=True, floor=0.005, moving=-1):
+    def begin(self, field, start, goal, goal_xy, goal_yaw, allow_reverse=True, floor=0.005, moving=-1,
+              turn_floor=None):
         """Set up a search from pose ``start`` (3,) to ``goal`` (3,), both in the field's frame.
 
         ``floor`` [m]: smallest clearance of the true footprint that a path may have (negative: it will be centred
-        later); ``moving``: FORWARD, REVERSE or TURN if the chair is doing that now, else -1.
+        later), and ``turn_floor`` where it turns on the spot (the same if None); ``moving``: FORWARD,
+        REVERSE or TURN if the chair is doing that now, else -1.
         """
         rows, cols = field.distance.shape
         bins = int(cols * field.frame[2] / BIN) * int(rows * field.frame[2] / BIN) * HEADINGS
         if self._table.size < bins:
             self._table = np.empty(bins, np.int32)
         start, goal = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
-        self._chair = (field.distance, field.known, field.frame, *self.body, self.shrink, float(floor), self.rear)
+        self._chair = (field.distance, field.known, field.frame, *self.body, self.shrink, float(floor),
+                       float(floor if turn_floor is None else turn_floor), self.rear)
         bound = _begin(*self._chair, start, int(moving), goal, self.weights, self._table, *self._nodes, *self._heap,
                        self._axis, self._counts)
         self._problem = (start, goal, float(goal_xy), float(goal_yaw), bool(allow_reverse))
@@ -434,9 +455,10 @@ class PathSearch:
             return SearchResult(None, np.inf, expansions, self.ended and self.exhausted)
         return SearchResult(self._steps(node), self._best, expansions, self.ended and self.exhausted)
 
-    def find(self, field, start, goal, goal_xy, goal_yaw, allow_reverse=True, floor=0.005, moving=-1):
+    def find(self, field, start, goal, goal_xy, goal_yaw, allow_reverse=True, floor=0.005, moving=-1,
+             turn_floor=None):
         """A whole search at once."""
-        self.begin(field, start, goal, goal_xy, goal_yaw, allow_reverse, floor, moving)
+        self.begin(field, start, goal, goal_xy, goal_yaw, allow_reverse, floor, moving, turn_floor)
         self.expand(self.cap)
         return self.result()
 
@@ -462,8 +484,8 @@ def price_of(distance, known, frame, outline, spine, half_width, reach, middle, 
     total = 0.0
     for k in range(steps.shape[0]):
         kind = TURN if kinds[k] == 0 else (FORWARD if kinds[k] > 0 else REVERSE)
-        price, x, y, th = _piece(distance, known, frame, outline, spine, half_width, reach, middle, 0.0, -1.0, rear,
-                                 x, y, th, steps[k, 0], steps[k, 1], kind, 1, weights)
+        price, x, y, th = _piece(distance, known, frame, outline, spine, half_width, reach, middle, 0.0, -1.0, -1.0,
+                                 rear, x, y, th, steps[k, 0], steps[k, 1], kind, 1, weights)
         if price == np.inf:
             price = 1.0
         total += price

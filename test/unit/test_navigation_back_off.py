@@ -1,0 +1,98 @@
+"""What the planner does where its commands are not carried out, and where it may turn and reverse."""
+import numpy as np
+import pytest
+from navigation_scenes import CHAIR, SETTINGS, Drive, box, door, snapshot
+
+from wheelchair_shared_control import footprint as footprints
+from wheelchair_shared_control.planning import clearance
+from wheelchair_shared_control.planning.navigation import ABORTED
+from wheelchair_shared_control.planning.planner import Planner
+
+FREE = np.empty((0, 2))
+HELD = dict(share=0.0)
+
+
+def speeds(drive, seconds, **options):
+    """Forward commands (n,) of ``seconds`` towards a goal beyond the door."""
+    drive.navigator.set_goal((1.5, 0.0, 0.0), drive.now)
+    return np.array([drive.tick(**options).command.v for _ in range(int(seconds / 0.05))])
+
+
+def test_a_chair_that_is_held_back_comes_again_from_farther_away():
+    v = speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0)
+    first = int(np.argmax(v < 0.0))
+    # 1.5 s of patience beyond dead time and lag
+    assert 1.5 < first * 0.05 < 2.6
+    assert v[:first].max() > 0.1
+
+
+def test_who_is_held_for_ever_is_told_so():
+    decision = Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD).to((1.5, 0.0, 0.0), limit=60.0)
+    assert decision.status == ABORTED
+    assert "no progress" in decision.reason
+
+
+def test_a_chair_that_moves_is_not_held():
+    drive = Drive(door(0.75), (-1.5, 0.0, 0.0))
+    assert speeds(drive, 5.0).min() >= 0.0
+
+
+def test_with_a_person_at_the_stick_it_does_not_back_off():
+    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user_v=0.3).min() >= 0.0
+    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user_v=0.0).min() >= 0.0
+
+
+def test_it_backs_off_over_seen_ground_only():
+    drive = Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD)
+    drive._seen = snapshot(drive.walls, drive.pose, 0.0, known=False)
+    assert speeds(drive, 4.0).min() >= 0.0
+
+
+def test_turns_keep_more_distance_than_passages():
+    # a wall before the chair, so near that a turn at once would swing a front corner to it
+    walls = np.concatenate((box(0.74, 0.84, -3.0, 3.0), box(-1.5, -1.4, -3.0, 3.0)))
+    start = np.zeros(3)
+    planner = Planner(SETTINGS.wheelchair, SETTINGS)
+    field = clearance.make_field(snapshot(walls, start, 0.0))
+    path, reason = planner.plan(field, start, (0.0, 1.5, np.pi / 2.0), True)
+    assert path is not None, reason
+    turning = np.flatnonzero(path.kinds == 0)
+    assert len(turning)
+    least = min(path.clear[0] - 0.003, SETTINGS.planner.turn_clearance)
+    assert path.clear[turning].min() >= least - 1e-9
+
+
+REVERSALS = [
+    ("seen", dict(), True),
+    ("presumed about the start", dict(presumed=True), True),
+    ("presumed, but farther off", dict(presumed=True, doubtful=True), False),
+    ("unknown", dict(known=False), False),
+]
+
+
+@pytest.mark.parametrize("title, ground, allowed", REVERSALS, ids=[row[0] for row in REVERSALS])
+def test_reverses_over(title, ground, allowed):
+    start = np.zeros(3)
+    # a blind alley, too narrow to turn in
+    alley = np.concatenate((box(0.8, 0.9, -0.5, 0.5), box(-2.9, 0.8, 0.5, 0.6), box(-2.9, 0.8, -0.6, -0.5)))
+    seen = snapshot(alley, start, 0.0)
+    rows, columns = seen.known.shape
+    x = seen.origin[0] + (np.arange(columns) + 0.5) * seen.resolution
+    behind = np.broadcast_to(x < CHAIR.rear, (rows, columns))
+    seen = seen._replace(
+        known=seen.known & (ground.get("known", True) | ~behind),
+        presumed=behind & ground.get("presumed", False), doubtful=behind & ground.get("doubtful", False))
+    path, _ = Planner(SETTINGS.wheelchair, SETTINGS).plan(
+        clearance.make_field(seen), start, np.array([-1.0, 0.0, 0.0]), True)
+    reverses = path is not None and bool(np.any(path.kinds < 0))
+    assert reverses == allowed
+
+
+def test_the_way_back_ends_before_a_wall():
+    drive = Drive(np.concatenate((door(0.90), box(-1.8, -1.7, -2.0, 2.0))), (-1.1, 0.0, 0.0), **HELD)
+    speeds(drive, 2.1)
+    drive.share = 1.0
+    for _ in range(60):
+        drive.tick()
+    assert np.min(np.array(drive.poses)[:, 0]) < -1.15
+    assert min(footprints.distance_to_points(CHAIR, pose, drive.walls).min() for pose in drive.poses) > 0.0
