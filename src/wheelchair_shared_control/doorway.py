@@ -121,56 +121,63 @@ def nothing(reason):
 def _detect(rays, few, ground, settings, stamp):
     chosen = doorway_walls.chosen_points(few, rays.origin[:2], settings)
     walls = doorway_walls.find(chosen, rays.origin[:2], settings)
-    found, gaps = [], []
+    headings = doorway_narrows.directions(chosen, settings.narrow)
+    found, gaps, doubtful, shut = [], [], [], []
     for wall in walls:
         if (wall.line.origin - rays.origin[:2]) @ wall.line.normal < settings.wall.min_distance:
             continue
         scan = doorway_gaps.scan(rays, wall.line, settings)
         for gap in doorway_gaps.gaps(scan, settings):
-            doorway, result = _examine(rays, wall.line, gap, settings, stamp)
+            doorway, result, both = _examine(rays, wall.line, gap, settings, stamp)
             if result is not None:
                 gaps.append(result)
+            if both and doorway is None:
+                shut.append(result.ends)
             if doorway is not None:
-                found.append(doorway)
-    for pair in doorway_narrows.find(rays, settings):
-        doorway, result = _narrow(rays, pair, walls, gaps, found, settings, stamp)
+                aligned = doorway_narrows.is_along(headings, doorway.pose[2], settings.wall.join_angle)
+                if both and aligned:
+                    found.append(doorway)
+                elif both or aligned:
+                    doubtful.append(doorway)
+    for narrow in doorway_narrows.find(rays, headings, settings):
+        doorway, result = _narrow(rays, narrow, found, shut, settings, stamp)
         if result is not None:
             gaps.append(result)
         if doorway is not None:
             found.append(doorway)
-    doorways = _distinct(found)
+    doorways = _distinct(_settled(found, doubtful, settings))
     return Detection(tuple(doorways), tuple(walls), tuple(gaps), "" if doorways else _why(walls, gaps), ground)
 
 
 def _examine(rays, line, gap, settings, stamp):
-    """One gap, from rough columns to (Doorway or None, FoundGap or None)."""
+    """One gap, from rough columns to (Doorway or None, FoundGap or None, whether walls run along on both sides)."""
     door, scan = settings.door, settings.gap
 
     def at(left, right):
         return line.origin + np.outer((left, right), line.along)
 
     if not (np.isfinite(gap.left) or np.isfinite(gap.right)):
-        return None, None
+        return None, None, False
     if not np.isfinite(gap.left + gap.right):
         known = gap.left if np.isfinite(gap.left) else gap.right
         side = 1.0 if np.isfinite(gap.left) else -1.0
         other = _other_jamb(rays, line, known, side, settings)
         if other is None:
-            return None, FoundGap(at(*sorted((known, known + 0.8 * side))), "one jamb only")
+            return None, FoundGap(at(*sorted((known, known + 0.8 * side))), "one jamb only"), False
         left, right = sorted((known, other))
         gap = gap._replace(left=left, right=right)
     width = gap.right - gap.left
     if width < door.min_width - scan.slack or width > door.max_width + scan.slack:
-        return None, FoundGap(at(gap.left, gap.right), "%.2f m wide" % width)
+        return None, FoundGap(at(gap.left, gap.right), "%.2f m wide" % width), False
     if gap.free_standing:
-        return None, FoundGap(at(gap.left, gap.right), "between free-standing things")
+        return None, FoundGap(at(gap.left, gap.right), "between free-standing things"), False
     left, right = gap.left, gap.right
     beside = settings.jamb.wall_window
     for _ in range(2):
         near = doorway_rays.near(rays, line, settings, left - beside, right + beside)
         refined = doorway_jambs.refined_line(near, line, left, right, rays.origin[:2], settings)
         if refined is None:
-            return None, FoundGap(at(left, right), "too little wall beside it")
+            return None, FoundGap(at(left, right), "too little wall beside it"), False
         # edges along the old line are carried over to the new one
         ends = at(left, right)
         line, angle_sigma, offset_sigma = refined
@@ -179,11 +186,14 @@ def _examine(rays, line, gap, settings, stamp):
         jambs = doorway_jambs.refined_edges(near, left, right, settings)
         left, right = jambs.wall_left, jambs.wall_right
         if not jambs.right - jambs.left > 0.3:
-            return None, FoundGap(at(gap.left, gap.right), "closed")
+            return None, FoundGap(at(gap.left, gap.right), "closed"), False
+    along = doorway_jambs.runs_along(near, left, right, settings)
     verdict = doorway_volume.judge(near, jambs, settings)
     left, right = jambs.left, jambs.right
     if verdict.reason:
-        return None, FoundGap(at(left, right), verdict.reason)
+        return None, FoundGap(at(left, right), verdict.reason), all(along) and verdict.is_shut
+    if not any(along):
+        return None, FoundGap(at(left, right), "no wall runs along it"), False
     ends = at(left, right) + jambs.plane * line.normal
     middle = ends.mean(axis=0)
     yaw = float(np.arctan2(line.normal[1], line.normal[0]))
@@ -191,50 +201,48 @@ def _examine(rays, line, gap, settings, stamp):
     # left of someone who walks through: the larger s is to the right
     doorway = Doorway(np.array([middle[0], middle[1], yaw]), float(right - left), verdict.confidence, ends,
                       covariance, stamp)
-    return doorway, FoundGap(at(left, right), "")
+    return doorway, FoundGap(at(left, right), ""), all(along)
 
 
-def _narrow(rays, pair, walls, gaps, found, settings, stamp):
-    """A pair of points a door's width apart, examined if it goes along a wall that is seen at one of them, and
-    no gap of a wall lies across it.
+def _narrow(rays, narrow, found, shut, settings, stamp):
+    """A narrow, examined like a gap, unless a doorway was found there already.
 
-    Across the walls it may be the way past a half-open leaf, or behind a cupboard.
+    Across a gap between two pieces of wall that is ``shut`` (list of (2, 2)) it is the way past a half-open leaf.
     """
-    middle = pair.mean(axis=0)
-    along = (pair[1] - pair[0]) / np.hypot(*(pair[1] - pair[0]))
-    if any(np.hypot(*(doorway.pose[:2] - middle)) < 0.6 for doorway in found):
+    middle = 0.5 * (narrow.left + narrow.right)
+    if not _is_new(middle, found):
         return None, None
-    cosine = np.cos(np.radians(settings.narrow.wall_angle))
-    for gap in gaps:
-        across = gap.ends[1] - gap.ends[0]
-        if np.hypot(*(gap.ends.mean(axis=0) - middle)) < 0.5 and abs(across @ along) < cosine * np.hypot(*across):
+    for ends in shut:
+        across = ends[1] - ends[0]
+        turn = abs(across @ narrow.normal) / np.hypot(*across)
+        if np.hypot(*(ends.mean(axis=0) - middle)) < 0.6 and turn > np.sin(np.radians(20.0)):
             return None, None
-    if not any(_goes_along(wall, pair, along, settings.narrow) for wall in walls):
+    line = doorway_rays.line_from_normal(narrow.normal, middle, rays.origin[:2])
+    ends = np.array([narrow.left, narrow.right])
+    away = middle - rays.origin[:2]
+    slant = np.arctan2(away @ line.along, away @ line.normal)
+    if abs(slant) > np.radians(settings.narrow.max_aside):
         return None, None
-    line = doorway_rays.line_from_points(pair[0], pair[1], rays.origin[:2])
     if (line.origin - rays.origin[:2]) @ line.normal < settings.wall.min_distance:
         return None, None
-    left, right = np.sort((pair - line.origin) @ line.along)
-    near = doorway_rays.near(rays, line, settings, left - 0.6, right + 0.6)
-    ends = line.origin + np.outer((left, right), line.along)
-    jambs = doorway_jambs.Jambs(float(left), float(right), float(left), float(right), 0.0, False, 0.02)
-    verdict = doorway_volume.judge(near, jambs, settings)
+    left, right = np.sort((ends - line.origin) @ line.along)
+    near = doorway_rays.near(rays, line, settings, left - 0.6, right + 0.6, 1.0)
+    jambs = doorway_jambs.Jambs(float(left), float(right), float(left), float(right), 0.5 * narrow.depth,
+                                narrow.measured, 0.02)
+    verdict = doorway_volume.judge(near, jambs, settings, settings.narrow.margin, settings.volume.leaf,
+                                   narrow.inner + 0.5 * narrow.depth)
     if verdict.reason:
-        return None, FoundGap(ends, verdict.reason)
+        return None, FoundGap(ends, "narrow: " + verdict.reason)
+    if verdict.deep < settings.narrow.min_deep:
+        # looked at from aside, its far side hides how deep it is: then it must at least be as wide as doors are
+        hidden = (right - left) < settings.volume.passage * np.tan(abs(slant))
+        if not hidden or right - left > settings.narrow.usual_width:
+            return None, FoundGap(ends, "narrow: %.0f %% of it seen to lead on" % (100.0 * verdict.deep))
+    if doorway_volume.is_beside_walls(near, jambs, slant, settings):
+        return None, FoundGap(ends, "narrow: between walls along the way")
     covariance = _covariance(line, jambs, settings.narrow.angle_sigma, 0.03, settings)
     pose = np.append(middle, np.arctan2(line.normal[1], line.normal[0]))
     return Doorway(pose, float(right - left), 0.8 * verdict.confidence, ends, covariance, stamp), FoundGap(ends, "")
-
-
-def _goes_along(wall, pair, along, narrow):
-    """Is the wall nearly parallel to the pair's line, and seen near one of its points?"""
-    if abs(wall.line.along @ along) < np.cos(np.radians(narrow.wall_angle)):
-        return False
-    low, high = np.sort((wall.ends - wall.line.origin) @ wall.line.along)
-    local = pair - wall.line.origin
-    s = local @ wall.line.along
-    beyond = np.maximum(np.maximum(low - s, s - high), 0.0)
-    return bool((np.hypot(beyond, local @ wall.line.normal) < narrow.wall_distance).any())
 
 
 def _other_jamb(rays, line, known, side, settings):
@@ -268,6 +276,26 @@ def _distinct(doorways):
         if all(np.hypot(*(doorway.pose[:2] - other.pose[:2])) > 0.5 for other in kept):
             kept.append(doorway)
     return sorted(kept, key=lambda d: float(np.hypot(d.pose[0], d.pose[1])))
+
+
+def _settled(found, doubtful, settings):
+    """Doorways (list): those ``found``, and the ``doubtful`` ones.
+
+    Doubtful is what the wall on one side alone tells, or walls that run along none of the building's directions. It
+    gives way to what else was found at its place with another direction, and replaces what has the same, as it is
+    more exact.
+    """
+    for doorway in doubtful:
+        near = [other for other in found if not _is_new(doorway.pose, [other])]
+        if doorway_narrows.is_along([other.pose[2] for other in near[:1]] or [doorway.pose[2]], doorway.pose[2],
+                                    settings.wall.join_angle):
+            found = [other for other in found if _is_new(doorway.pose, [other])] + [doorway]
+    return found
+
+
+def _is_new(place, found):
+    """Was no doorway ``found`` yet at ``place``?"""
+    return all(np.hypot(*(doorway.pose[:2] - place[:2])) > 0.6 for doorway in found)
 
 
 def _why(walls, gaps):

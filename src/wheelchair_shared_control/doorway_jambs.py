@@ -61,6 +61,28 @@ def refined_line(near, line, left, right, sensor_xy, settings):
     return refined, spread / np.sqrt(n) / max(lever, 0.05), spread / np.sqrt(n)
 
 
+def runs_along(near, left, right, settings):
+    """On which sides (left, right) of a gap does a wall of its own run along the plane?
+
+    The ends of things that stand across the plane, and walls that meet it at an angle, have points in it too.
+    """
+    jamb, result = settings.jamb, []
+    for side, edge in ((-1.0, left), (1.0, right)):
+        outward = side * (near.s - edge)
+        beside = (outward > 0.0) & (outward < jamb.own_window) & (near.label == WALL) & (near.z > settings.gap.low)
+        if beside.sum() < jamb.min_points:
+            result.append(False)
+            continue
+        s, offset = outward[beside].astype(float), near.offset[beside].astype(float)
+        noise = near.noise[beside].astype(float)
+        length = float(np.percentile(s, 95) - np.percentile(s, 5))
+        spread = max(float(s.std()), 1e-3)
+        slope = float(np.cov(s, offset)[0, 1]) / spread ** 2
+        sigma = float(np.median(noise)) / spread / np.sqrt(max(len(s) / jamb.correlated, 1.0))
+        result.append(length > jamb.own_length and abs(slope) < jamb.own_slope + sigma and sigma < jamb.own_sigma)
+    return tuple(result)
+
+
 def refined_edges(near, left, right, settings):
     """``Jambs`` from all rays around the gap, whose rough edges are ``left`` and ``right`` [m]."""
     pitch = _pitch(near, left, right)

@@ -234,7 +234,7 @@ def _near(points, noise, returned, origin, line_origin, along, normal, lean, hei
     return out[:, :n], labels[:n]
 
 
-def near(rays, line, settings, s_min, s_max):
+def near(rays, line, settings, s_min, s_max, before=0.0):
     """The rays that cross a stretch of the plane, or end before or behind it, as Crossings.
 
     Heights from ``gap/low`` to over the lintel; the space from ``volume/passage_before`` before to
@@ -244,7 +244,8 @@ def near(rays, line, settings, s_min, s_max):
     table, labels = _near(
         rays.points, rays.noise, rays.returned, rays.origin, line.origin, line.along, line.normal, line.lean,
         line.height, scan.tolerance, scan.tolerance_sigmas, scan.reveal_depth, s_min, s_max, scan.low,
-        settings.door.height + 0.4, scan.front_depth, -volume.passage_before - 0.1, volume.passage + 0.1,
+        settings.door.height + 0.4, scan.front_depth, -max(volume.passage_before + 0.1, before),
+        volume.passage + 0.5,
         settings.ground.floor_height)
     return Crossings(table[0], table[1], table[2], table[3], table[4], labels, table[5])
 

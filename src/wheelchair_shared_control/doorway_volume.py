@@ -8,19 +8,28 @@ from wheelchair_shared_control.doorway_rays import BEFORE, DEEP, FRONT, SHALLOW,
 
 
 class Verdict(NamedTuple):
-    """``reason`` is empty for an open doorway; ``clear`` (2,) [m] the free run along the wall; ``confidence`` in
-    [0, 1]."""
+    """``reason`` is empty for an open doorway; ``confidence`` in [0, 1]; ``is_shut`` if there are two jambs and
+    something between them; ``deep`` is the share of its columns through which rays are seen to go farther than
+    ``volume/passage``."""
 
     reason: str
-    clear: tuple
     confidence: float
+    is_shut: bool = False
+    deep: float = 0.0
 
 
-def judge(near, jambs, settings):
-    """``Verdict`` on the gap between ``jambs`` from the rays ``near`` it (Crossings)."""
+def judge(near, jambs, settings, margin=None, passed=None, inner_depth=None):
+    """``Verdict`` on the gap between ``jambs`` from the rays ``near`` it (Crossings).
+
+    ``margin`` [m]: what stands this near to a jamb belongs to it (default ``volume/margin``). ``passed`` [m]: a ray
+    that ends on a jamb's inner face deeper than this counts as passed (default: it tells nothing). ``inner_depth``
+    [m]: how deep a jamb's inner face is seen behind the plane (default: as deep as ``jambs`` say).
+    """
     volume, door = settings.volume, settings.door
+    margin = volume.margin if margin is None else margin
+    passed = np.inf if passed is None else passed
     left, right = jambs.left, jambs.right
-    refuse = lambda reason: Verdict(reason, (left, right), 0.0)  # noqa: E731
+    refuse = lambda reason, shut=False: Verdict(reason, 0.0, shut)  # noqa: E731
     width = right - left
     if not door.min_width <= width <= door.max_width:
         return refuse("%.2f m wide" % width)
@@ -35,27 +44,63 @@ def judge(near, jambs, settings):
         support.append(share)
 
     # what stands in the volume between the jambs, from the wall's front to behind its back
-    inner = (near.s > left + volume.margin) & (near.s < right - volume.margin)
+    inner = (near.s > left + margin) & (near.s < right - margin)
     body = inner & (near.offset > -volume.before) & (near.offset < max(2.0 * jambs.plane, 0.1) + volume.behind) & (
         near.z > settings.gap.low) & (near.z < door.height)
     through = (near.s_cross > left + volume.margin) & (near.s_cross < right - volume.margin) & (near.label == DEEP)
     n_through = int(through.sum())
     blocked = int(body.sum()) / float(max(body.sum() + n_through, 1))
     if blocked > volume.max_blocked:
-        return refuse("%.0f %% of the rays end in it" % (100.0 * blocked))
+        return refuse("%.0f %% of the rays end in it" % (100.0 * blocked), True)
 
     # enough of it must be seen to be open, low down too: else it is a window, or unknown (glass, a shadow)
-    seen, low = _coverage(near, left, right, settings)
+    seen, low, deep = _coverage(near, left, right, margin, passed, settings)
     if seen < volume.min_seen:
         return refuse("%.0f %% of it seen to be open" % (100.0 * seen))
     if low < volume.min_low:
         return refuse("not seen to be open near the floor")
 
-    left_clear, right_clear = _passage(near, left, right, settings)
+    # a passage behind the jambs' inner faces: between cupboards these are as deep as the cupboards
+    if inner_depth is None:
+        inner_depth = 2.0 * jambs.plane if jambs.measured else 0.0
+    behind = volume.passage + float(np.clip(inner_depth - settings.jamb.thickness, 0.0, volume.max_inner))
+    left_clear, right_clear = _passage(near, left, right, margin, behind, settings)
     if right_clear - left_clear < max(door.min_width, volume.min_passage * width):
-        return refuse("%.2f m of its width free behind or before it" % max(right_clear - left_clear, 0.0))
+        return refuse("%.2f m of its width free behind or before it" % max(right_clear - left_clear, 0.0), True)
     confidence = min(1.0, seen) * (1.0 - blocked / volume.max_blocked * 0.5) * min(1.0, min(support) + 0.2)
-    return Verdict("", (left, right), float(np.clip(confidence, 0.0, 1.0)))
+    return Verdict("", float(np.clip(confidence, 0.0, 1.0)), False, deep)
+
+
+def is_beside_walls(near, jambs, slant, settings):
+    """Is what is narrow no doorway, but lies between walls that go along the way?
+
+    A corridor that one looks into through a doorway in its side is bounded by the wall about that doorway, whose
+    near face is seen on one side before or behind the plane, and by the wall across, seen on the other side the
+    other way round. Or a wall goes past, close to both sides of the plane. Or nothing of a wall across the way is
+    seen although it is looked at from aside (``slant`` [rad] from the normal), or a wall goes on behind the plane.
+    """
+    volume = settings.volume
+    tall = near.where((near.z > settings.narrow.low) & (np.abs(near.offset) < 0.995))
+    sides = [side * (tall.s - edge) for side, edge in ((-1.0, jambs.left), (1.0, jambs.right))]
+
+    def goes_on(outward, width):
+        """Before, behind: is next to the way's side nearly every piece taken, 0.3-1 m from the plane?"""
+        beside = (outward > -0.05) & (outward < width) & (np.abs(tall.offset) > 0.3)
+        pieces = np.bincount((np.abs(tall.offset[beside]) / 0.05).astype(int) + 20 * (tall.offset[beside] > 0.0),
+                             minlength=40).reshape(2, 20)[:, 6:]
+        return (pieces > 0).mean(axis=1) > volume.corridor
+
+    wide = [goes_on(outward, volume.corridor_width) for outward in sides]
+    close = [goes_on(outward, 0.05) for outward in sides]
+    if (wide[0][0] and wide[1][1]) or (wide[0][1] and wide[1][0]) or (close[0] & close[1]).any() or (
+            close[0].all() or close[1].all()):
+        return True
+    if abs(slant) < np.radians(volume.aside) and not (wide[0][1] or wide[1][1]):
+        return False
+    level = (tall.offset > -0.2) & (tall.offset < 0.3)
+    return not any(
+        len(np.unique((outward[level & (outward > 0.05) & (outward < 0.35)] / 0.05).astype(int))) >= 3
+        for outward in sides)
 
 
 def _jamb(near, side, edge, settings):
@@ -75,8 +120,10 @@ def _jamb(near, side, edge, settings):
     if tall < jamb.min_height:
         return "one jamb only: %.2f m of it seen" % tall, 0.0
     share = on_wall.sum() / float(beside.sum())
-    # rays that pass above what stands there: furniture
+    # rays that pass above what stands there: furniture. What ends low where nothing is told above is no jamb either
     top = float(np.percentile(z, 98))
+    if top < settings.narrow.low:
+        return "jamb ends at %.2f m:" % top, 0.0
     above = beside & ((near.label == SHALLOW) | (near.label == DEEP)) & (near.z_cross > top + 0.03) & (
         near.z_cross < jamb.full_height)
     if above.sum() > 0.1 * beside.sum() and top < jamb.full_height - 0.1:
@@ -108,18 +155,19 @@ def _corner_jamb(near, side, edge, settings):
     return "", jamb.min_share
 
 
-def _coverage(near, left, right, settings):
-    """Share of the gap's columns that rays are seen to pass, at all heights and near the floor."""
+def _coverage(near, left, right, margin, passed, settings):
+    """Share of the gap's columns that rays are seen to pass, at all heights, near the floor, and as far as
+    ``volume/passage``."""
     volume = settings.volume
     n = max(int((right - left) / 0.04), 1)
     column = ((near.s_cross - left) / (right - left) * n).astype(int)
     inside = (near.s_cross > left) & (near.s_cross < right) & (near.z_cross > settings.gap.low) & (
         near.z_cross < settings.door.height)
     # a ray that ends on the inner face of a jamb tells nothing about the gap's middle: leave its column out
-    reveal = inside & (near.label == SHALLOW) & (
-        (np.abs(near.s - left) < volume.margin) | (np.abs(near.s - right) < volume.margin))
-    # nor does one that ends beside the way block it: it has left the volume behind a jamb
-    aside = (near.label == SHALLOW) & ((near.s < left - volume.margin) | (near.s > right + volume.margin))
+    at_jamb = (near.label == SHALLOW) & ((near.s < left + margin) | (near.s > right - margin))
+    # one that ends beside the way, or deeper than a leaf hangs, has passed where a leaf would be
+    aside = at_jamb & ((near.offset > passed) | (near.s < left - margin) | (near.s > right + margin))
+    reveal = inside & at_jamb & ~aside
     deep = inside & ((near.label == DEEP) | aside)
     shut = inside & ((near.label == WALL) | (near.label == SHALLOW)) & ~reveal & ~aside
 
@@ -130,20 +178,23 @@ def _coverage(near, left, right, settings):
     counted = n_reveal <= n_deep
     counted[0] = counted[-1] = False
     if not counted.any():
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     good = (n_deep >= volume.min_rays) & (n_deep > 9 * n_shut)
     near_floor = near.z_cross < volume.low_height
     n_low, n_low_shut = columns(deep & near_floor), columns(shut & near_floor)
     low = (n_low >= 2) & (n_low > 4 * n_low_shut)
-    return float(good[counted].mean()), float(low[counted].mean())
+    # what is seen over the jambs, such as a ceiling, says nothing about the way
+    beyond = columns(inside & (near.label == DEEP) & (near.offset > volume.passage) & (
+        near.z < settings.wall.high)) >= volume.min_rays
+    return float(good[counted].mean()), float(low[counted].mean()), float(beyond.mean())
 
 
-def _passage(near, left, right, settings):
-    """Free run [m] between tall things from ``volume/passage_before`` before to ``passage`` behind the plane."""
+def _passage(near, left, right, margin, behind, settings):
+    """Free run [m] between tall things from ``volume/passage_before`` before to ``behind`` the plane."""
     volume = settings.volume
     # what is that near to a jamb's line (a leaf at right angles, its handle, noise) leaves the way free
-    low, high = left + volume.margin, right - volume.margin
-    tall = (near.z > volume.tall) & (near.z < settings.door.height) & (near.offset < volume.passage) & (
+    low, high = left + margin, right - margin
+    tall = (near.z > volume.tall) & (near.z < settings.door.height) & (near.offset < behind) & (
         near.offset > -volume.passage_before) & (near.s > low) & (near.s < high)
     n = max(int((right - left) / 0.03), 1)
     column = ((near.s[tall] - left) / (right - left) * n).astype(int)

@@ -33,6 +33,7 @@ def views(studio, map_path, doors_path, seed, starts_each=10, widths=(0.75, 1.25
     """Yield a ``View`` for ``starts_each`` starts on either side of every door whose clear width is in ``widths``."""
     site = scenes.load(str(map_path))
     shapes = outlines.from_world(site)
+    annotated = [doors.measure(site, annotation) for annotation in doors.read(doors_path).values()]
     for number, annotation in enumerate(doors.read(doors_path).values()):
         for side in (0, 1):
             door = doors.measure(site, annotation, side)
@@ -51,18 +52,28 @@ def views(studio, map_path, doors_path, seed, starts_each=10, widths=(0.75, 1.25
                 if not jambs_in_view(studio, door, base, truth):
                     continue
                 done += 1
-                yield _examine(studio, site, annotation.name, side, door, base, image)
+                yield _examine(studio, site, annotated, annotation.name, side, door, base, image)
 
 
 def jambs_in_view(studio, door, base, truth):
-    """Does the depth image hold points of both jambs, within 0.12 m of the true corners, at three heights or more?"""
+    """Are both jambs within the image, and seen?
+
+    The ends of the clear width, in the door's plane, lie between the image's left and right edge, and the depth
+    image holds points within 0.12 m of each, at three heights or more.
+    """
+    half = door.width / 2.0
+    world_from_camera = cameras.lifted(base) @ studio.base_from_camera
+    ends = se2.transform_points(door.pose, np.array([[0.0, half], [0.0, -half]]))
+    for height in (0.5, 1.0):
+        x, _, z, _ = np.linalg.inv(world_from_camera) @ np.column_stack((ends, np.full(2, height), np.ones(2))).T
+        column = studio.camera.fx * x / np.maximum(z, 1e-6) + studio.camera.cx
+        if not ((z > 0.0) & (column >= 0.0) & (column <= studio.camera.width - 1)).all():
+            return False
     points = cameras.back_project(studio.camera, truth).reshape(-1, 3)[::3]
     points = points[np.isfinite(points).all(axis=1) & (points[:, 2] < studio.wheelchair.camera.max_range)]
-    transform = cameras.lifted(base) @ studio.base_from_camera
-    points = points @ transform[:3, :3].T + transform[:3, 3]
+    points = points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
     points = points[points[:, 2] > 0.2]
     local = se2.transform_points(se2.inverse(door.pose), points[:, :2])
-    half = door.width / 2.0
     for sign in (-1.0, 1.0):
         at = (np.abs(sign * local[:, 1] - half - 0.03) < JAMB) & (np.abs(local[:, 0]) < door.thickness / 2.0 + JAMB)
         if len(np.unique((points[at, 2] / 0.15).astype(int))) < 3:
@@ -87,12 +98,18 @@ def is_opening(site, pose, width):
         for sign in (-1.0, 1.0))
 
 
+def _is_one_of(annotated, pose):
+    """Does a doorway match an annotated door, from either side?"""
+    other = se2.compose(pose, np.array([0.0, 0.0, np.pi]))
+    return any(matches(pose, door.pose) or matches(other, door.pose) for door in annotated)
+
+
 def _near(boxes, middle, reach):
     away = np.hypot(boxes[:, 0] - middle[0], boxes[:, 1] - middle[1]) - np.hypot(boxes[:, 4], boxes[:, 5])
     return boxes[away < reach]
 
 
-def _examine(studio, site, name, side, door, base, image):
+def _examine(studio, site, annotated, name, side, door, base, image):
     detection = doorway.detect_depth(image, studio.camera, studio.base_from_camera, studio.detector_settings, 1)
     found, error, false, others = None, np.full(4, np.nan), [], 0
     for item in detection.doorways:
@@ -100,7 +117,7 @@ def _examine(studio, site, name, side, door, base, image):
         if found is None and matches(pose, door.pose):
             found = pose
             error = np.append(se2.compose(se2.inverse(door.pose), pose), item.width - door.width)
-        elif is_opening(site, pose, item.width):
+        elif _is_one_of(annotated, pose) or is_opening(site, pose, item.width):
             others += 1
         else:
             false.append(pose)
