@@ -286,11 +286,11 @@ def test_minimum_vfh_goes_round_a_post_on_the_nearer_side():
 
 
 def test_minimum_vfh_fits_through_a_door_in_door_mode_only():
-    # a gap of 0.80 m: the lane is 0.65 m and twice the margin, 0.85 m without and 0.69 m with door mode
+    # a gap of 0.80 m: the lane is 0.65 m and twice the margin, 0.85 m without and 0.77 m with door mode
     jambs = np.concatenate((wall(1.0, 0.40, 1.6), wall(1.0, -1.6, -0.39)))
     closed = minimum_vfh.minimum_vfh(tick((0.5, 0.0), points=jambs), {})
     through = minimum_vfh.minimum_vfh(tick((0.5, 0.0), points=jambs, doorway=doorway(1.0, 0.0)), {})
-    assert closed.command.v < 0.35 and abs(closed.command.w) > 0.1  # looks for another way, and slowly
+    assert closed.command.v < 0.35 and abs(closed.command.w) > 0.05  # looks for another way, and slowly
     assert through.command == pytest.approx((0.5, 0.0)) and through.reason.startswith("door mode")
 
 
