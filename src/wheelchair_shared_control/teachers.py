@@ -59,7 +59,7 @@ def style(set_name, scene, index, settings, rng):
         heading = settings.turn_first * side
     start = np.array([-distance, offset, heading])
     free = FREE_SIDES[scene]
-    reach = settings.swing.exit * rng.uniform(0.8, 1.0)
+    reach = getattr(settings, set_name).reach * rng.uniform(0.8, 1.0)
     if not free:
         ends = (0.0, 0.0)
     elif len(free) == 1:
@@ -78,7 +78,8 @@ class Teacher:
 
     def __init__(self, style, settings, rng):
         self.style, self.settings = style, settings
-        self._own = getattr(settings, style.pace)
+        self._own, self._swings = getattr(settings, style.pace), getattr(settings, style.set_name)
+        self._turn = getattr(self._swings, style.pace).turn
         self._rng, self._noise, self._command = rng, 0.0, Twist(0.0, 0.0)
         self._swing_at, self._last, self._turning = None, None, style.turn_first
 
@@ -86,7 +87,7 @@ class Teacher:
         """Stick ``Twist`` at ``now`` [s] for the pose (3,) in the door's frame, or None at the end."""
         s, style = self.settings, self.style
         x, y, yaw = pose
-        end = self._own.end if FREE_SIDES[style.scene] else s.hallway_end
+        end = getattr(self._swings, style.pace).end if FREE_SIDES[style.scene] else s.hallway_end
         if now > s.longest or (x > 0.0 and np.hypot(x, y) > end):
             return None
         dt = 0.0 if self._last is None else now - self._last
@@ -94,11 +95,11 @@ class Teacher:
         v = style.speed
         aim = np.arctan2(-y, s.aim.lookahead)
         if self._turning and abs(aim - yaw) > 0.2:
-            v, w = 0.0, float(np.clip(2.0 * (aim - yaw), -self._own.turn, self._own.turn))
+            v, w = 0.0, float(np.clip(2.0 * (aim - yaw), -self._turn, self._turn))
         elif style.set_name == "full" and x < -self._own.range_end:
             self._turning = False
             far = np.arctan2(-y, 2.0 * s.aim.lookahead)
-            w = self._swing(now, yaw, (far - s.swing.range, far + s.swing.range))
+            w = self._swing(now, yaw, (far - s.range_reach, far + s.range_reach))
         elif x < s.exit_begin or style.ends == (0.0, 0.0):
             self._turning, self._swing_at = False, None
             w = self._cross(now, x, aim - yaw)
@@ -118,18 +119,18 @@ class Teacher:
     def _swing(self, now, yaw, ends):
         """Turn rate [rad/s] of swings between two headings, each of its own size and haste.
 
-        Where there is room, everything up to the limit is shown, and nothing in it more than the rest.
+        Where there is room the limits of the range are shown (note 4); between two swings the chair goes straight.
         """
-        s = self.settings.swing
+        s = self._swings
         if self._swing_at is None or now - self._swing_at[0] >= s.time:
             end = self.style.first if self._swing_at is None else 1 - self._swing_at[1]
             size, haste = self._rng.uniform(s.least, 1.0), self._rng.uniform(s.slowest, 1.0)
             middle = 0.5 * (ends[0] + ends[1])
             # the end at the wall is kept to: only the open side is drawn
             target = ends[end] if ends[end] == 0.0 else middle + size * (ends[end] - middle)
-            self._swing_at = (now, end, target - middle, haste * self._own.turn)
+            self._swing_at = (now, end, target - middle, haste * self._turn)
         _, _, target, turn = self._swing_at
-        return float(np.clip(2.0 * (0.5 * (ends[0] + ends[1]) + target - yaw), -turn, turn))
+        return float(np.clip(s.gain * (0.5 * (ends[0] + ends[1]) + target - yaw), -turn, turn))
 
     def _stick(self, dt, v, w):
         """The command (v, w) as a hand gives it: unsteady, and not at once."""

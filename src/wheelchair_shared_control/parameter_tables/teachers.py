@@ -2,6 +2,7 @@
 from wheelchair_shared_control.parameters import P
 
 INCLUDES = ["wheelchair"]
+PACES = ("slow", "moderate")
 
 
 def pace(name):
@@ -12,11 +13,28 @@ def pace(name):
         P(key + "start_low", float, "m", 1.0, 6.0, "nearest start of base_link before the door plane"),
         P(key + "start_high", float, "m", 1.0, 6.0, "farthest start"),
         P(key + "weave", float, "rad/s", 0.0, 0.5, "turn rate of the weave in the doorway"),
-        P(key + "turn", float, "rad/s", 0.0, 1.0, "largest turn rate where there is room"),
-        P(key + "end", float, "m", 1.0, 3.5, "base_link this far from the door, beyond it, the demonstration ends"),
         P(key + "range_distance", float, "m", 2.0, 5.5, "full set: start before the plane, to show the range"),
         P(key + "range_end", float, "m", 1.0, 3.0, "full set: the range is shown down to this distance of the plane"),
     ]
+
+
+def swings(set_name):
+    """The rows of the swings by which a set's teachers show what is possible where there is room."""
+    key = set_name + "/"
+    rows = [
+        P(key + "reach", float, "rad", 0.0, 2.0, "how far teachers turn off the normal beyond the door"),
+        P(key + "time", float, "s", 0.5, 10.0, "from one swing to the next"),
+        P(key + "gain", float, "1/s", 0.5, 10.0, "turn rate per angle off the swing's end, up to the pace's turn"),
+        P(key + "least", float, "", 0.0, 1.0, "the smallest swing, as a share of the largest"),
+        P(key + "slowest", float, "", 0.0, 1.0, "turn rate of the slowest swing, as a share of the largest"),
+    ]
+    for name in PACES:
+        rows += [
+            P(key + name + "/turn", float, "rad/s", 0.0, 1.0, "largest turn rate where there is room"),
+            P(key + name + "/end", float, "m", 1.0, 3.5,
+              "base_link this far from the door, beyond it, the demonstration ends"),
+        ]
+    return rows
 
 
 TABLE = [
@@ -35,12 +53,8 @@ TABLE = [
     P("hand/noise", float, "rad/s", 0.0, 0.3, "unsteadiness of the hand"),
     P("hand/time", float, "s", 0.05, 5.0, "how long an unsteadiness lasts"),
     P("weave_period", float, "s", 0.5, 10.0, "of the weave in the doorway"),
-    P("swing/exit", float, "rad", 0.0, 2.0, "how far teachers turn off the normal beyond the door"),
-    P("swing/range", float, "rad", 0.0, 2.0, "full set: how far they turn off the way before the door"),
-    P("swing/time", float, "s", 0.5, 10.0, "from one swing to the next"),
-    P("swing/least", float, "", 0.0, 1.0, "the smallest swing, as a share of the largest"),
-    P("swing/slowest", float, "", 0.0, 1.0, "turn rate of the slowest swing, as a share of the largest"),
-    P("hallway_end", float, "m", 1.0, 3.9, "as slow/end, at both paces, where the way goes on between walls"),
+    P("range_reach", float, "rad", 0.0, 2.0, "full set: how far they turn off the way before the door"),
+    P("hallway_end", float, "m", 1.0, 3.9, "the same, of both sets and paces, where the way goes on between walls"),
     P("exit_begin", float, "m", 0.36, 1.5, "base_link this far beyond the plane, the turn begins"),
 ]
-TABLE += pace("slow") + pace("moderate")
+TABLE += [row for name in PACES for row in pace(name)] + swings("paper") + swings("full")
