@@ -3,6 +3,7 @@
 A distance field around one door, in the door's frame (x along the crossing, 0 in the plane), made from what
 stands in the chair's height band.
 """
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +57,7 @@ def _fill(occupied, origin, polygon):
     occupied[low[1]: high[1] + 1, low[0]: high[0] + 1] |= inside
 
 
+@functools.lru_cache(maxsize=8)
 def probes(chair):
     """Points (n, 2) of the outline and (m, 2) of the inside at which room is measured [m], in ``base_link``."""
     x = np.linspace(chair.rear, chair.front, 1 + int(np.ceil(chair.length / 0.05)))

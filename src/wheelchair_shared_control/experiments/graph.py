@@ -2,6 +2,7 @@
 
 A message is an assignment, a topic an attribute. Equal seeds give bit-identical runs.
 """
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -49,18 +50,20 @@ TOLD = {"choice/bearing": np.pi, "choice/incidence": np.pi, "choice/distance": 1
 
 def settings_for(options):
     """Settings of all nodes; ``options.dead_time``, ``.lag`` set the plant, and what planner and guard know."""
-    changed = {}
+    changed = {
+        "wheelchair/actuation/dead_time": options.dead_time, "wheelchair/actuation/lag": options.lag,
+        "sigma_scale": options.sigma_scale, "odometry/factor": options.drift,
+    }
+    changed = {key: value for key, value in changed.items() if value is not None}
     if not options.detector:
         changed.update(TOLD)
-    if options.dead_time is not None:
-        changed["wheelchair/actuation/dead_time"] = options.dead_time
-    if options.lag is not None:
-        changed["wheelchair/actuation/lag"] = options.lag
-    if options.sigma_scale is not None:
-        changed["sigma_scale"] = options.sigma_scale
-    if options.drift is not None:
-        changed["odometry/factor"] = options.drift
-    result = []
+    return _settings(tuple(sorted(changed.items())))
+
+
+@functools.lru_cache(maxsize=16)
+def _settings(changed):
+    """Settings with ``changed`` ((key, value), ...); the same for all episodes of a comparison, so kept."""
+    changed, result = dict(changed), []
     for group in GROUPS:
         settings = parameters.load(group)
         known = settings.as_dict()
