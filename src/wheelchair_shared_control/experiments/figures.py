@@ -9,6 +9,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Polygon
+from matplotlib.transforms import Bbox
 
 from wheelchair_shared_control import command_line, se2
 from wheelchair_shared_control import footprint as footprints
@@ -48,7 +49,8 @@ def save(figure, path):
 
 def pareto(lines):
     """The user's share against clearance, a point a policy, with 95 % intervals; up and right is better."""
-    figure, axes = plt.subplots(figsize=(7.0, 4.6), dpi=110)
+    figure, axes = plt.subplots(figsize=(7.6, 5.4), dpi=110)
+    labels = []
     for line in lines:
         share, clearance_ = line["user_share_all"], line["min_clearance_m"]
         if not np.isfinite(share[0]) or not np.isfinite(clearance_[0]):
@@ -62,16 +64,54 @@ def pareto(lines):
         planner = line.get("planner", "move_base")
         label = line["policy"] + ("" if planner == "move_base" else ", " + planner)
         if touched:
-            label += " (%.0f %% touched)" % (100.0 * line["contact"].value)
-        axes.annotate(label, (clearance_[0], share[0]), xytext=(6, 6), textcoords="offset points", fontsize=8)
+            label += " (%.1f %% touched)" % (100.0 * line["contact"].value)
+        labels.append((label, (clearance_[0], share[0])))
     axes.set_xlabel("smallest clearance of an episode, mean [m]")
-    axes.set_ylabel("user's share, mean")
-    axes.set_ylim(-0.03, 1.08)
+    axes.set_ylabel("user's share of the turn rate, mean")
+    axes.set_ylim(-0.05, 1.08)
     axes.margins(x=0.2)
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     figure.tight_layout()
+    _label_points(figure, axes, labels)
     return figure
+
+
+def _label_points(figure, axes, labels):
+    """Write each label [(text, (x, y)), ...] beside its point where it covers no other label and no point."""
+    points = axes.transData.transform([point for _, point in labels]) if labels else []
+    taken = [Bbox.from_bounds(x - 5.0, y - 5.0, 10.0, 10.0) for x, y in points]
+    renderer = figure.canvas.get_renderer()
+    for text, point in labels:
+        best = None
+        for distance in (7, 16, 26, 38):
+            for side in ("left", "right"):  # of the text, at the point
+                for height in (distance, -distance, 0):
+                    across = 8 if side == "left" else -8
+                    leader = {"arrowstyle": "-", "color": "0.7", "lw": 0.6} if distance > 7 else None
+                    note = axes.annotate(
+                        text, point, xytext=(across, height), textcoords="offset points", fontsize=8, ha=side,
+                        va="center", arrowprops=leader,
+                    )
+                    box = note.get_window_extent(renderer)
+                    hits = sum(box.overlaps(other) for other in taken) + 10 * (not _within(box, axes.bbox))
+                    if best is None or hits < best[0]:
+                        if best is not None:
+                            best[1].remove()
+                        best = hits, note, box
+                    else:
+                        note.remove()
+                    if hits == 0:
+                        break
+                if best[0] == 0:
+                    break
+            if best[0] == 0:
+                break
+        taken.append(best[2])
+
+
+def _within(box, frame):
+    return box.x0 >= frame.x0 and box.x1 <= frame.x1 and box.y0 >= frame.y0 and box.y1 <= frame.y1
 
 
 def top_view(axes, log, world, door, footprint, every=0.7):
