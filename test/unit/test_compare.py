@@ -105,6 +105,12 @@ def test_every_combination_is_planned_once_and_in_pairs():
     assert without[0] == without[1]
 
 
+def test_pairs_are_driven_beside_the_combinations():
+    cases = compare.plan(BASE, ["planner"], ["move_base"], ["goal_directed"], ["open"], [0.9], [1],
+                         [("planner", "bezier"), ("planner", "move_base")])
+    assert [(chosen.policy, chosen.planner) for chosen, _ in cases] == [("planner", "move_base"), ("planner", "bezier")]
+
+
 def test_doors_of_a_map_stand_for_scenes(tmp_path):
     path = tmp_path / "doors.yaml"
     door = (

@@ -32,8 +32,8 @@ class CompareError(Error):
     """A comparison's folder cannot be used."""
 
 
-def plan(base, policies, planners, users, scenes, widths, seeds):
-    """All episodes as a list of (options, seed).
+def plan(base, policies, planners, users, scenes, widths, seeds, pairs=()):
+    """All episodes as a list of (options, seed), each once; ``pairs`` are more (policy, planner) to those combined.
 
     Doors of a map stand in the place of scenes and widths: each annotated door, from both sides.
     """
@@ -43,9 +43,10 @@ def plan(base, policies, planners, users, scenes, widths, seeds):
         names = list(doors.read(base.doors)) if base.door is None else [base.door]
         sides = (0, 1) if base.side is None else (base.side,)
         places = [{"door": name, "side": side} for name, side in itertools.product(names, sides)]
+    who = dict.fromkeys(list(itertools.product(policies, planners)) + list(pairs))
     return [
         (base._replace(policy=policy, planner=planner, user=user, **place), seed)
-        for policy, planner, user, place, seed in itertools.product(policies, planners, users, places, seeds)
+        for (policy, planner), user, place, seed in itertools.product(who, users, places, seeds)
     ]
 
 
