@@ -67,7 +67,7 @@ class Assistance:
         self.doorway, self.goal = None, None
         self._since = self._asked = self._goal_sent = -np.inf
         self._press_was = self._cancel_was = False
-        self._seen, self._no_room = -np.inf, 0
+        self._seen, self._no_room, self._why = -np.inf, 0, ""
         self._back_since = self._off_since = None
         self._centred, self._old_fault = False, ""
 
@@ -85,7 +85,7 @@ class Assistance:
         elif pressed:
             self._enter(DETECTING, now, "looking for a doorway")
             self.doorway, self.goal, self._asked = None, None, -np.inf
-            self._seen, self._no_room = now - self.settings.detection.age, 0
+            self._seen, self._no_room, self._why = now - self.settings.detection.age, 0, ""
         if self.state == DETECTING:
             self._detecting(now, inputs, actions)
         elif self.state == ASSISTING:
@@ -100,7 +100,7 @@ class Assistance:
 
     def _detecting(self, now, inputs, actions):
         limits = self.settings.detection
-        why = inputs.detector_reason or "no doorway in view"
+        why = inputs.detector_reason or self._why or "no doorway in view"
         if not self._odometry_fresh(now, inputs):
             why = "no fresh odometry"
         elif inputs.doorways is not None:
@@ -109,7 +109,7 @@ class Assistance:
             if new:
                 self._seen = max(doorway.stamp for doorway in new)
                 choice = choose(fresh, inputs.odometry.pose, inputs.user, self.settings, self.chair)
-                why = choice.reason
+                why = self._why = choice.reason  # said again where no newer look comes in time
                 if choice.doorway is not None:
                     goal = free_goal(choice.doorway.pose, inputs.grid, self.chair, self.settings)
                     if goal is not None:
