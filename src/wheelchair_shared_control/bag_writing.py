@@ -2,6 +2,7 @@
 
 Stamps are simulated time; equal calls give equal bytes. The library is ``rosbags``.
 """
+import lz4.frame
 import numpy as np
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -10,6 +11,14 @@ from wheelchair_shared_control import camera, conversions, parameters
 from wheelchair_shared_control.values import RANGERS
 
 START_STAMP = 1.0  # s; a stamp of 0 means "none" in ROS
+
+
+def _ros_lz4(content):
+    """An LZ4 frame that ROS's own roslz4 reads: it knows independent blocks with a checksum at the end, no others."""
+    return lz4.frame.compress(
+        content, compression_level=0, block_size=lz4.frame.BLOCKSIZE_MAX4MB, block_linked=False, content_checksum=True,
+        store_size=False,
+    )
 
 
 class BagWriter:
@@ -35,6 +44,7 @@ class BagWriter:
     def __enter__(self):
         self._writer = Writer(self._path)
         self._writer.set_compression(Writer.CompressionFormat.LZ4)
+        self._writer.compressor = _ros_lz4
         self._writer.open()
         self._static_transforms(0.0)
         return self

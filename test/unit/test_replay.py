@@ -78,3 +78,10 @@ def test_no_bag_is_left_where_the_episode_failed(tmp_path):
 def test_an_unknown_kind_of_film_is_refused(name):
     with pytest.raises(OutputError, match="must end in .gif or .mp4"):
         film.check(name)
+
+
+def test_ros_own_library_reads_the_bag(recorded):
+    rosbag = pytest.importorskip("rosbag", reason="ROS's rosbag is not installed")
+    _, _, folder = recorded
+    with rosbag.Bag(str(folder / "episode.bag")) as bag:
+        assert sum(1 for _ in bag.read_messages(raw=True)) == bag.get_message_count() > 1000
