@@ -62,11 +62,9 @@ class Track:
         """Follow the blob to where it is now."""
         self.stamp, self.blob = stamp, blob
         self.history.append((stamp, blob.edges))
-        velocity = self._measured(False)
+        velocity = self._measured()
         if velocity is None:
             return
-        if self.moves and not SLOWEST <= float(np.hypot(*velocity)) <= FASTEST:
-            velocity = self._measured(True)
         if SLOWEST <= float(np.hypot(*velocity)) <= FASTEST and blob.fresh >= FRESH_SHARE:
             self.velocity = velocity if not self.seen_moving else 0.5 * (self.velocity + velocity)
             self.seen_moving, self.seen_standing = self.seen_moving + 1, 0
@@ -75,23 +73,20 @@ class Track:
         if not self.moves or self.seen_standing >= STANDS:
             self.seen_moving = 0
 
-    def _measured(self, leading):
-        """Velocity (2,) [m/s] over the baseline, or None while the blob is too young.
-
-        ``leading``: by the edges alone that lead in the way that is believed; 0 where they turned back.
-        """
+    def _measured(self):
+        """Velocity (2,) [m/s] over the baseline, or None while the blob is too young."""
         for stamp, edges in self.history:
             span = self.stamp - stamp
             if span < BASELINE[0]:
                 return None
             if span <= BASELINE[1]:
                 shift = self.blob.edges - edges
-                if leading:
-                    lead = np.where(self.velocity > 0.0, shift[1], shift[0])
-                    return lead / span if lead @ self.velocity > 0.0 else np.zeros(2)
-                together = (shift[0] * shift[1]) > 0.0
                 order = np.abs(shift[0]) < np.abs(shift[1])
                 less, more = np.where(order, shift[0], shift[1]), np.where(order, shift[1], shift[0])
+                together = (shift[0] * shift[1]) > 0.0
+                if self.moves:
+                    # Its trail hides how far the trailing edge has come: what leads says how fast it walks.
+                    return np.where(together | (np.abs(less) < 0.5 * np.abs(more)), more, 0.5 * (less + more)) / span
                 # what grows or shrinks on one side only has not moved; what lags too much moves as its laggard
                 moved = np.where(np.abs(less) >= LAG * np.abs(more), more, less)
                 return np.where(together, moved, 0.0) / span
