@@ -207,10 +207,10 @@ def distance_turn_rate(log, speed_limit):
     return blending.blended_turn_rate(log.user[:, 1], log.planner[:, 1], beta)
 
 
-def shares_by_phase(groups, title=""):
+def shares_by_phase(groups):
     """The user's share by phase with 95 % intervals: ``groups`` [(label, {phase: (value, low, high)}), ...]."""
     with plt.rc_context(FONT):
-        figure, axes = plt.subplots(figsize=(WIDTH, 2.9), dpi=DPI, constrained_layout=True)
+        figure, axes = plt.subplots(figsize=(WIDTH, 3.5), dpi=DPI, constrained_layout=True)
         names = ("all",) + metrics.PHASES
         width = 0.8 / max(len(groups), 1)
         colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.85, len(groups)))
@@ -223,10 +223,8 @@ def shares_by_phase(groups, title=""):
         axes.set_xticks(np.arange(len(names)))
         axes.set_xticklabels(["whole"] + list(metrics.PHASES))
         axes.set_ylabel("user's share")
-        axes.set_ylim(0.0, 1.0)
-        if title:
-            axes.set_title(title)
-        axes.legend(frameon=False, ncol=2)
+        axes.set_ylim(0.0, 1.03)
+        figure.legend(loc="outside lower center", frameon=False, ncol=2)
     return figure
 
 
