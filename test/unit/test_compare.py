@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from wheelchair_shared_control.experiments import compare, options
+from wheelchair_shared_control.experiments import compare, episode, options
 
 BASE = options.Options()
 
@@ -118,11 +118,12 @@ def test_doors_of_a_map_stand_for_scenes(tmp_path):
         "   approach: [{point: [0.45, -1.0, -1.57]}, {point: [0.45, 1.0, 1.57]}]}\n"
     )
     path.write_text(door % "a" + door % "b", encoding="utf-8")
-    base = BASE._replace(map="map.yaml", doors=str(path))
+    base = BASE._replace(map="map.yaml", doors=str(path), scene=None, door_width=None)
     cases = compare.plan(base, ["user"], ["move_base"], ["goal_directed"], ["open"], [0.9], [1, 2])
     assert [(chosen.door, chosen.side, seed) for chosen, seed in cases] == [
         (name, side, seed) for name in "ab" for side in (0, 1) for seed in (1, 2)
     ]
+    assert episode.description(cases[0][0], 1)["scene"] in options.SCENES  # a text, though the map stands in its place
 
 
 def test_differences_are_taken_in_pairs():

@@ -1,4 +1,5 @@
 """Many episodes, on one process, several, or a Dask cluster."""
+import warnings
 from concurrent.futures.process import BrokenProcessPool
 
 from joblib import Parallel, delayed, parallel_config
@@ -32,6 +33,9 @@ def as_completed(pairs, jobs=1, label="episodes", dask=None, done=0):
             outcomes = Parallel(n_jobs=-1 if dask else jobs, return_as="generator", batch_size=1)(tasks)
             for pair, outcome in zip(pairs, command_line.progress(outcomes, len(pairs) + done, label, done)):
                 if isinstance(outcome, str):
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore")  # that what was begun is given up
+                        outcomes.close()
                     raise Error(outcome)
                 yield pair, outcome
     except lost as error:

@@ -16,6 +16,7 @@ import numpy as np
 from wheelchair_shared_control import command_line
 from wheelchair_shared_control.errors import Error
 from wheelchair_shared_control.experiments import code_version, statistics
+from wheelchair_shared_control.experiments.options import Options
 from wheelchair_shared_control.simulation import doors
 
 KEYS = ("policy", "planner", "user", "scene", "door_width", "door", "side", "seed")
@@ -42,7 +43,8 @@ def plan(base, policies, planners, users, scenes, widths, seeds, pairs=()):
     else:
         names = list(doors.read(base.doors)) if base.door is None else [base.door]
         sides = (0, 1) if base.side is None else (base.side,)
-        places = [{"door": name, "side": side} for name, side in itertools.product(names, sides)]
+        unused = {"scene": Options().scene, "door_width": Options().door_width}
+        places = [dict(unused, door=name, side=side) for name, side in itertools.product(names, sides)]
     who = dict.fromkeys(list(itertools.product(policies, planners)) + list(pairs))
     return [
         (base._replace(policy=policy, planner=planner, user=user, **place), seed)
