@@ -48,6 +48,19 @@ def test_it_backs_off_over_seen_ground_only():
     assert speeds(drive, 4.0).min() >= 0.0
 
 
+LOOKS = [("nobody at the stick", None, True), ("pushing", 0.3, True), ("a stick at rest", 0.0, False)]
+
+
+@pytest.mark.parametrize("title, user_v, ends", LOOKS, ids=[row[0] for row in LOOKS])
+def test_a_look_that_is_held_ends_unless_the_stick_is_at_rest(title, user_v, ends):
+    drive = Drive(FREE, (0.0, 0.0, 0.0), **HELD)
+    drive._seen = snapshot(FREE, drive.pose, 0.0, known=False)
+    drive.navigator.set_goal((0.5, 2.5, 1.5), 0.0)
+    looks = [drive.tick(user_v=user_v).reason == "looks towards the goal" for _ in range(60)]
+    assert looks[0] and looks[30]
+    assert looks[-1] != ends
+
+
 def test_turns_keep_more_distance_than_passages():
     # a wall before the chair, so near that a turn at once would swing a front corner to it
     walls = np.concatenate((box(0.74, 0.84, -3.0, 3.0), box(-1.5, -1.4, -3.0, 3.0)))

@@ -165,7 +165,7 @@ class Navigator:
         acting, anchor = self._predict(now, odometry, user_v)
         moving = -1 if abs(acting[3]) < 0.1 else (0 if acting[3] > 0.0 else 1)
         if self._looks:
-            look = self._look(now, odometry, field, acting, anchor, moving)
+            look = self._look(now, odometry, field, acting, anchor, moving, user_v)
             if look is not None:
                 return look
         self._back_off(now, odometry, field, anchor, user_v)
@@ -253,7 +253,7 @@ class Navigator:
         return self._stop(now, reason, recovery=True, **plans)
 
     # --- looking -----------------------------------------------------------------------------------------
-    def _look(self, now, odometry, field, acting, anchor, moving):
+    def _look(self, now, odometry, field, acting, anchor, moving, user_v):
         """Decision to turn on the spot towards the goal while the ground before it was not seen; else None.
 
         The camera sees 57 degrees: a path through ground that it has not seen would be found anew all the time.
@@ -270,7 +270,8 @@ class Navigator:
             return None
         soon = anchor + np.outer((0.1, 0.2), (0.0, 0.0, np.sign(turn)))
         room = self.planner.clearance(field, np.vstack((anchor, soon)))
-        if np.any(room[1:] < min(self.settings.planner.turn_clearance, room[0])) or self._held(now, odometry, None):
+        if np.any(room[1:] < min(self.settings.planner.turn_clearance, room[0])) or self._held(
+                now, odometry, user_v is None or user_v > PUSHING):
             self._looks = False
             return None
         w = np.sign(turn) * min(self.w_max, max(0.12, np.sqrt(self.turn_acc * abs(turn))))
@@ -284,7 +285,8 @@ class Navigator:
     # --- backing off -------------------------------------------------------------------------------------
     def _back_off(self, now, odometry, field, anchor, user_v):
         """Begin a way back where the chair stands although it is told to move; nothing while a person drives."""
-        if not self._held(now, odometry, user_v) or self.settings.planner.min_vel_x >= 0.0 or self._backs >= BACK_TIMES:
+        held = self._held(now, odometry, user_v is None)
+        if not held or self.settings.planner.min_vel_x >= 0.0 or self._backs >= BACK_TIMES:
             return
         self._hold.forget()
         steps = way_back(field, self.planner, anchor)
@@ -298,10 +300,13 @@ class Navigator:
         self._searching = False
         self._sent.append((now, 0.0, 0.0))  # it stands: what was told last need not be braked from
 
-    def _held(self, now, odometry, user_v):
-        """Whether the chair stands although it has long been told to move; with a person at the stick nobody knows."""
+    def _held(self, now, odometry, obeyed):
+        """Whether the chair stands although it has long been told to move.
+
+        ``obeyed``: that it is told so by nobody else, or by a person, too: a stick at rest keeps the chair where it is.
+        """
         told = bool(self._sent) and (abs(self._sent[-1][1]) > 0.02 or abs(self._sent[-1][2]) > 0.05)
-        return self._hold.update(now, odometry.pose, told and user_v is None)
+        return self._hold.update(now, odometry.pose, told and obeyed)
 
     def _backing(self, now, way, blocked):
         """Whether the way back is still being driven; at its end the path to the goal is looked for."""
