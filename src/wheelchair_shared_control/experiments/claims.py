@@ -124,8 +124,9 @@ def _towards_wall(rows):
     return Claim(
         "At an exit with a wall beside it, a hard push towards the wall is given much less than one away from it.",
         "V-A, Fig. 5 (c)", _verdict(low, high),
-        "share away from the wall minus towards it %.3f (95 %% interval %.3f to %.3f, %d pairs)" % (
-            value, low, high, len(common)),
+        "share away from the wall minus towards it %.3f (95 %% interval %.3f to %.3f, %d pairs); Eq. 3 takes the "
+        "deviation of the side to which the planner turns, so a planner that turns away from the wall frees the push "
+        "towards it" % (value, low, high, len(common)),
     )
 
 
