@@ -228,7 +228,7 @@ def test_a_policy_of_ones_own(tmp_path):
 @pytest.mark.parametrize(
     "name, words",
     [
-        ("best", "unknown policy 'best': must be one of assisted_teleop, distance"),
+        ("best", "unknown policy 'best': must be one of assisted_teleop, case_based"),
         ("/nowhere/p.py:f", "no file /nowhere/p.py"),
         ("{path}:missing", "has no function 'missing'"),
         ("{broken}:f", "SyntaxError"),
