@@ -22,6 +22,7 @@ NEAREST = 0.35  # m between where a blob was expected and where it is
 BASELINE = (0.35, 0.8)  # s over which edges are compared
 SLOWEST = 0.15  # m/s: slower is noise of cells and odometry
 FASTEST = 2.0  # m/s: faster is a mismatch
+BRISK = 1.0  # m/s: an edge of a walker that went faster jumped
 CONFIRMED = 2  # grids in a row that show motion before it is believed
 STANDS = 3  # grids in a row without motion before a walker is believed to stand
 REMEMBERED = 0.5  # s that a moving blob is moved on unseen
@@ -85,7 +86,9 @@ class Track:
                 less, more = np.where(order, shift[0], shift[1]), np.where(order, shift[1], shift[0])
                 together = (shift[0] * shift[1]) > 0.0
                 if self.moves:
-                    # Its trail hides how far the trailing edge has come: what leads says how fast it walks.
+                    # Its trail hides how far the trailing edge has come: what leads says how fast it walks. Where the
+                    # trail has come off, the trailing edge has jumped.
+                    more = np.where(np.abs(more) > BRISK * span, less, more)
                     return np.where(together | (np.abs(less) < 0.5 * np.abs(more)), more, 0.5 * (less + more)) / span
                 # what grows or shrinks on one side only has not moved; what lags too much moves as its laggard
                 moved = np.where(np.abs(less) >= LAG * np.abs(more), more, less)
@@ -123,6 +126,9 @@ class MovingCells:
             best, distance = None, NEAREST
             for index in free:
                 away = float(np.hypot(*(blobs[index].middle - expected)))
+                if track.moves and blobs[index].fresh >= FRESH_SHARE:
+                    # Where a walker comes apart from the trail it is the piece on new ground that walks on.
+                    away -= NEAREST
                 if away < distance:
                     best, distance = index, away
             if best is not None:
