@@ -346,14 +346,15 @@ class TestMoving:
         assert len(moving.points) == 0
 
     def test_walk_on_when_they_come_apart_from_their_trail(self):
-        # 0.4 m/s to the left; what is 0.3 m behind the walker is cleared at once in grid 14, but for a last piece.
+        # 0.4 m/s to the left. The trail of 0.9 m comes off in grid 22 and, being long, is nearer to where the middle of
+        # both was expected than the walker.
         moving = MovingCells()
-        for k in range(24):
+        for k in range(34):
             y = -1.5 + 0.04 * k
             low = y - 0.2 if k < 6 else -1.46
-            grid = filled(empty(), (1.3, 1.7), (low if k < 14 else y - 0.2, y + 0.2))
-            if k >= 14:
-                grid = filled(grid, (1.3, 1.7), (-1.46, y - 0.4))
+            grid = filled(empty(), (1.3, 1.7), (low if k < 22 else y - 0.2, y + 0.2))
+            if k >= 22:
+                grid = filled(grid, (1.3, 1.7), (-1.46, -0.87))
             moving.update(grid._replace(stamp=0.1 * k))
             if k >= 8:
                 ahead = moving.points[:, 1] > y - 0.25 if len(moving.points) else np.zeros(0, bool)
