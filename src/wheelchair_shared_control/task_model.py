@@ -126,7 +126,7 @@ class TaskModel:
         inputs = _checked_inputs(inputs)
         # one row a quantity, so that each is contiguous for the reader
         out = np.empty((5, len(inputs)))
-        gmr_kernels.query_many(self._table, self._total, inputs, out.T)
+        gmr_kernels.query_many(self._table, self._total, inputs, out)
         return Predictions(*out)
 
     def log_density(self, inputs):

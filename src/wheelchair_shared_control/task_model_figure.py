@@ -1,4 +1,5 @@
 """A figure of what a task model learned: sigma over the feature space, the samples, and where there are none."""
+from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
@@ -56,6 +57,7 @@ def draw(model, path):
         % (model.components, len(samples)), fontsize=12,
     )
     try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(str(path), dpi=110)
     except (OSError, ValueError) as error:
         raise OutputError("%s: cannot be written: %s" % (path, getattr(error, "strerror", None) or error))

@@ -28,6 +28,7 @@ ENTRIES = {
     "bag_index": ("iu", ("N",)),
 }
 HEADER = ("format", "version", "names", "units", "components", "density_quantiles", "provenance")
+FLOAT_SIZES = (4, 8)  # bytes
 FILE_LIMIT = 50e6  # bytes, packed and unpacked: a model is some 100 kB
 COMPONENT_LIMIT = 100
 
@@ -134,7 +135,7 @@ def _entry(archive, name):
     fits = array.ndim == len(shape) and all(
         isinstance(wanted, str) or wanted == found for wanted, found in zip(shape, array.shape)
     )
-    if array.dtype.kind not in kinds or not fits:
+    if array.dtype.kind not in kinds or (kinds == "f" and array.dtype.itemsize not in FLOAT_SIZES) or not fits:
         raise TaskModelError("entry '%s' is %s %s, not %s" % (name, array.dtype, array.shape, shape))
     return array
 
@@ -153,6 +154,12 @@ def _model(arrays, variance):
         raise TaskModelError("a floor is negative")
     if len(arrays["samples"]) != len(arrays["bag_index"]):
         raise TaskModelError("has %d samples of %d bags' indices" % (len(arrays["samples"]), len(arrays["bag_index"])))
+    bags = header["provenance"].get("bags", [])
+    if not isinstance(bags, list) or not all(isinstance(bag, dict) for bag in bags):
+        raise TaskModelError("has a provenance whose bags are no list of entries")
+    index = arrays["bag_index"]
+    if len(index) and not 0 <= index.min() <= index.max() < len(bags):
+        raise TaskModelError("has samples of bag %d to %d and names %d bags" % (index.min(), index.max(), len(bags)))
     if variance not in VARIANCES:
         raise TaskModelError("variance '%s' is unknown: it must be one of %s" % (variance, ", ".join(VARIANCES)))
     training = Training(arrays["samples"], arrays["bag_index"], arrays["floors"], header["provenance"])
@@ -162,11 +169,11 @@ def _model(arrays, variance):
 def _header(entry):
     try:
         header = json.loads(str(entry))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise TaskModelError("has a damaged header: %s" % error)
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise TaskModelError("is no task model of this package")
-    if header.get("version") != VERSION:
+    if type(header.get("version")) is not int or header["version"] != VERSION:
         raise TaskModelError("has version %r: this package reads version %d" % (header.get("version"), VERSION))
     for key in HEADER:
         if key not in header:

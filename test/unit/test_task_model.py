@@ -116,7 +116,8 @@ def test_one_and_many_are_the_same():
     rng = np.random.default_rng(7)
     for variance in ("paper", "total"):
         model = TaskModel(*random_mixture(rng), variance=variance)
-        inputs = rng.normal(size=(50, 4)) * 3.0
+        # more than a block of the kernel, and one far away
+        inputs = np.vstack((rng.normal(size=(300, 4)) * 3.0, [[1e6, -1e6, 0.0, 1e6]]))
         many = np.column_stack(model.predict_many(inputs))
         np.testing.assert_allclose(many, [model.predict(*x) for x in inputs], rtol=1e-12)
     assert len(model.predict_many(np.empty((0, 4))).mean_l) == 0

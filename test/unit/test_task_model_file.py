@@ -80,6 +80,8 @@ def test_unknown_version_is_refused(path):
         (dict(units=["m"] * 6), "features"),
         (dict(extra=1), "unknown 'extra'"), (dict(provenance=None), "without 'provenance'"),
         (dict(components=3), "holds 2"), (dict(provenance=[]), "provenance"),
+        (dict(version=True), "version True"), (dict(version=1.0), "version 1.0"), (dict(version="1"), "version '1'"),
+        (dict(provenance={"bags": "a.bag"}), "no list of entries"), (dict(provenance={}), "names 0 bags"),
     ],
 )
 def test_other_headers_are_refused(path, change, message):
@@ -104,7 +106,11 @@ def test_missing_entries_are_refused(path, name):
         (dict(covariances=np.zeros((2, 6, 6))), "symmetric|positive"),
         (dict(bag_index=np.zeros(3, int)), "indices"),
         (dict(floors=np.full(6, -1.0)), "negative"),
+        (dict(bag_index=np.full(100, 1)), "bag 1 to 1 and names 1 bags"),
+        (dict(bag_index=np.full(100, -1)), "bag -1 to -1"),
+        (dict(weights=np.array([0.4, 0.6], np.float16)), "entry 'weights' is float16"),
         (dict(header=np.array("{")), "damaged header"),
+        (dict(header=np.array("[" * 100000)), "damaged header"),
     ],
 )
 def test_wrong_entries_are_refused(path, entries, message):

@@ -1,8 +1,11 @@
 """The shipped models show what the paper expects of demonstrations (III-A, IV-C)."""
+import hashlib
+
 import numpy as np
 import pytest
 
-from wheelchair_shared_control import parameters, training
+from wheelchair_shared_control import demonstration_recorder, demonstrations, parameters, task_model_figure, training
+from wheelchair_shared_control.command_line import OutputError
 from wheelchair_shared_control.task_model import MIRROR, TaskModel
 
 
@@ -23,6 +26,36 @@ def test_the_model_says_where_it_comes_from(model):
     assert model.components == 3 and len(provenance["bags"]) == 24
     assert all(len(entry["sha256"]) == 64 and entry["samples"] > 0 for entry in provenance["bags"])
     assert {"seed", "made_on", "training", "demonstrations"} <= set(provenance)
+
+
+def test_the_samples_are_those_that_the_model_names(model):
+    for index, entry in enumerate(model.training.provenance["bags"]):
+        samples = model.training.samples[model.training.bag_index == index]
+        assert len(samples) == entry["samples"]
+        assert hashlib.sha256(samples.astype("<f4").tobytes()).hexdigest() == entry["samples_sha256"]
+
+
+@pytest.mark.parametrize("name, index", [("paper", 5), ("full", 1)])
+def test_the_shipped_samples_are_what_the_teachers_show_today(tmp_path, name, index):
+    # a change of chair, costmap or teachers that this test notices asks for new bags and new models
+    model = TaskModel.load(name)
+    path = tmp_path / ("%s_right_wall_%d.bag" % (name, index + 1))
+    seed = model.training.provenance["seed"]
+    demonstration_recorder.record(name, "right_wall", index, seed, path, parameters.load("teachers"))
+    found = demonstrations.read(path, parameters.load("demonstrations")).samples
+    names = [entry["file"] for entry in model.training.provenance["bags"]]
+    shipped = model.training.samples[model.training.bag_index == names.index(path.name)]
+    assert len(found) == len(shipped)
+    # another processor may round a pixel of depth otherwise
+    assert np.mean(np.abs(found - shipped).max(axis=1) < 0.02) > 0.95
+
+
+def test_the_figure_is_drawn_or_refused(tmp_path):
+    model = TaskModel.load("paper")
+    task_model_figure.draw(model, tmp_path / "model.png")
+    assert (tmp_path / "model.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(OutputError, match="model.png/sigma.png: cannot be written"):
+        task_model_figure.draw(model, tmp_path / "model.png" / "sigma.png")
 
 
 def test_a_faster_chair_has_less_freedom(model):
