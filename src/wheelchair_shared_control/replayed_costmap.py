@@ -17,6 +17,7 @@ DATA_TYPES = {"depth": "Image", "points": "PointCloud2", "scan": "LaserScan", "r
 # our chair's laser, where a bag does not say how high it sits [m]
 SCAN_HEIGHT = 0.3
 LOOK_AHEAD = 2.0  # s
+MUCH_INSIDE = 0.2  # share of moments
 OLDEST_READING = 0.5  # s; a set of range readings may hold older ones no longer
 
 
@@ -84,6 +85,10 @@ class _Replay:
 
     def result(self):
         notes = list(self._notes) + ["%s (%d messages)" % entry for entry in self._refused.items()]
+        inside = np.mean([min(found) == 0.0 for found in self._distances]) if self._distances else 0.0
+        if inside > MUCH_INSIDE:
+            notes.append("in %.0f %% of the moments something stands inside the chair's outline: if the recorded robot "
+                         "has another one, name it (train --footprint)" % (100.0 * inside))
         return np.array(self._stamps), np.array(self._distances).reshape(-1, 3), tuple(notes)
 
     # ---- sources ---------------------------------------------------------------------------------------
