@@ -1,7 +1,7 @@
 """What the paper claims, and whether it holds here: each claim with its measure and its interval.
 
 A difference counts as reproduced where its paired bootstrap interval lies wholly on the claimed side, as not
-reproduced where it lies wholly on the other, as undecided where it holds zero.
+reproduced where it lies wholly on the other, as undecided where it holds zero or comes of too few pairs.
 """
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ UNDECIDED, UNTESTED = "undecided", "not tested"
 PACES = (0.20, 0.45)  # m/s: the slow and the moderate teachers'
 WALL_CLOSE, WALL_FAR = 0.3, 1.5  # m beside the chair: the wall of an exit, and open space
 NOTICEABLE = 0.01  # a mean share below is none
+LEAST_PAIRS = 5  # fewer decide nothing, whatever their interval
 MUCH = 0.5  # of the other: a deviation is small beside another
 
 
@@ -84,13 +85,15 @@ def _no_contact(text, source, rows, without=None):
 
 def _more(text, source, first, second, measure, said="more by"):
     (value, low, high), n = difference(first, second, measure)
-    return Claim(text, source, _verdict(low, high), "%s %.3f (95 %% interval %.3f to %.3f, %d pairs)" % (
+    return Claim(text, source, _verdict(low, high, n), "%s %.3f (95 %% interval %.3f to %.3f, %d pairs)" % (
         said, value, low, high, n))
 
 
-def _verdict(low, high):
+def _verdict(low, high, pairs):
     if not np.isfinite(low + high):
         return UNTESTED
+    if pairs < LEAST_PAIRS:
+        return UNDECIDED
     return HOLDS if low > 0.0 else FAILS if high < 0.0 else UNDECIDED
 
 
@@ -123,7 +126,7 @@ def _towards_wall(rows):
     )
     return Claim(
         "At an exit with a wall beside it, a hard push towards the wall is given much less than one away from it.",
-        "V-A, Fig. 5 (c)", _verdict(low, high),
+        "V-A, Fig. 5 (c)", _verdict(low, high, len(common)),
         "share away from the wall minus towards it %.3f (95 %% interval %.3f to %.3f, %d pairs); Eq. 3 takes the "
         "deviation of the side to which the planner turns, so a planner that turns away from the wall frees the push "
         "towards it" % (value, low, high, len(common)),
