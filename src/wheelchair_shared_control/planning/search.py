@@ -22,7 +22,7 @@ from wheelchair_shared_control.planning.clearance import (
 
 BIN, HEADINGS = 0.05, 72
 COARSE = 0.1
-BESIDE, UNSEEN_FACTOR = 0.25, 4.0  # m, 1: with so little room, unseen ground is charged so much more
+BESIDE, BLIND_SWING, BLIND_REVERSE = 0.45, 12.0, 4.0  # m, 1, 1: what unseen ground is charged so much more for
 FORWARD, REVERSE, TURN = 0, 1, 2
 # ds [m], dtheta [rad] of one primitive, its kind; each is checked in two halves.
 _ARC, _TURN = 0.15, np.deg2rad(10.0)
@@ -147,9 +147,12 @@ def _price(ds, dth, kind, c, ground, weights):
             time *= 1.0 + 3.0 * (0.04 - c) / 0.04
     if ground != SEEN:
         time *= unknown_factor if ground == UNKNOWN else presumed_factor
-        # Not seen, and something stands near, or nobody looks there: a swing or a reversal into what is presumed.
-        if kind == REVERSE or (kind == TURN and c < BESIDE):
-            time *= UNSEEN_FACTOR
+        # Nobody looks behind. And the rangers see strips: between them a wall of which more is seen farther on can
+        # hide from a corner that swings to it. A little way on, they have swept the sides.
+        if kind == REVERSE:
+            time *= BLIND_REVERSE
+        elif kind == TURN and c < BESIDE:
+            time *= BLIND_SWING
     return time
 
 
