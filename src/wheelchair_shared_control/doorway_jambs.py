@@ -2,6 +2,7 @@
 from typing import NamedTuple, Optional
 
 import numpy as np
+from numba import njit
 
 from wheelchair_shared_control.doorway_rays import BEFORE, DEEP, FRONT, SHALLOW, WALL, line_from_normal
 
@@ -30,11 +31,14 @@ def refined_line(near, line, left, right, sensor_xy, settings):
     """
     jamb = settings.jamb
     beside = (near.s < left - jamb.clear) | (near.s > right + jamb.clear)
-    on_wall = beside & (near.label == WALL) & (near.z > settings.gap.low)
-    if on_wall.sum() < jamb.min_points:
+    on_wall = np.flatnonzero(beside & (near.label == WALL) & (near.z > settings.gap.low))
+    count = len(on_wall)
+    if count < jamb.min_points:
         return None
-    s, z, offset = (column[on_wall].astype(float) for column in (near.s, near.z, near.offset))
-    weight = 1.0 / (near.noise[on_wall].astype(float) ** 2 + jamb.noise_floor ** 2)
+    # neighbours share their errors: every few of many tell as much as all
+    on_wall = on_wall[:: max(1, count // jamb.fit_points)]
+    s, z, offset, noise = (column[on_wall].astype(float) for column in (near.s, near.z, near.offset, near.noise))
+    weight = 1.0 / (noise ** 2 + jamb.noise_floor ** 2)
     middle = 0.5 * (left + right)
     height = float(np.average(z, weights=weight))
     design = np.column_stack((np.ones_like(s), s - middle, z - height))
@@ -46,16 +50,15 @@ def refined_line(near, line, left, right, sensor_xy, settings):
         solution = np.linalg.solve(normal_matrix + 1e-9 * np.eye(3), design.T @ (weight * offset))
         residual = offset - design @ solution
         # robust: what stands out of the wall (skirting, switches, posters' edges) loses its say
-        scale = np.sqrt(near.noise[on_wall].astype(float) ** 2 + 0.01 ** 2)
-        weight = 1.0 / (near.noise[on_wall].astype(float) ** 2 + jamb.noise_floor ** 2) / (
-            1.0 + (residual / (2.0 * scale)) ** 2)
+        scale = np.sqrt(noise ** 2 + 0.01 ** 2)
+        weight = 1.0 / (noise ** 2 + jamb.noise_floor ** 2) / (1.0 + (residual / (2.0 * scale)) ** 2)
     shift, slope, lean = solution
     normal = line.normal - slope * line.along
     length = np.hypot(*normal)
     point = line.origin + middle * line.along + shift * line.normal
     refined = line_from_normal(normal / length, point, sensor_xy, float(lean + line.lean), height)
     # neighbouring pixels share their errors (quantised disparity): count one in `correlated` as independent
-    n = max(on_wall.sum() / jamb.correlated, 2.0)
+    n = max(count / jamb.correlated, 2.0)
     spread = float(np.sqrt(np.average(residual ** 2, weights=weight)))
     lever = float(np.sqrt(np.average((s - np.average(s, weights=weight)) ** 2, weights=weight)))
     return refined, spread / np.sqrt(n) / max(lever, 0.05), spread / np.sqrt(n)
@@ -69,16 +72,19 @@ def runs_along(near, left, right, settings):
     jamb, result = settings.jamb, []
     for side, edge in ((-1.0, left), (1.0, right)):
         outward = side * (near.s - edge)
-        beside = (outward > 0.0) & (outward < jamb.own_window) & (near.label == WALL) & (near.z > settings.gap.low)
-        if beside.sum() < jamb.min_points:
+        beside = np.flatnonzero((outward > 0.0) & (outward < jamb.own_window) & (near.label == WALL) & (
+            near.z > settings.gap.low))
+        count = len(beside)
+        if count < jamb.min_points:
             result.append(False)
             continue
+        beside = beside[:: max(1, count // jamb.fit_points)]
         s, offset = outward[beside].astype(float), near.offset[beside].astype(float)
         noise = near.noise[beside].astype(float)
         length = float(np.percentile(s, 95) - np.percentile(s, 5))
         spread = max(float(s.std()), 1e-3)
         slope = float(np.cov(s, offset)[0, 1]) / spread ** 2
-        sigma = float(np.median(noise)) / spread / np.sqrt(max(len(s) / jamb.correlated, 1.0))
+        sigma = float(np.median(noise)) / spread / np.sqrt(max(count / jamb.correlated, 1.0))
         result.append(length > jamb.own_length and abs(slope) < jamb.own_slope + sigma and sigma < jamb.own_sigma)
     return tuple(result)
 
@@ -190,14 +196,23 @@ def _corner(u_plane, u_end, u_through, pitch, jamb):
     edges = threshold + np.arange(0.0, jamb.max_reveal, 0.004)
     # a reading far off the model has a bounded say
     bound = jamb.reveal_band
-    cost = np.array([
-        np.minimum(np.abs(u_end - np.maximum(u_plane, edge)), bound).sum() for edge in edges])
+    cost = _costs(u_plane, u_end, edges, bound)
     best = int(np.argmin(cost))
     inside = (u_plane < edges[best]) & (u_plane >= threshold)
     if best == 0 or inside.sum() * step < jamb.min_reveal or cost[0] - cost[best] < 0.004 * inside.sum():
         return threshold
     on_inner = inside & (np.abs(u_end - edges[best]) < bound)
     return float(np.median(u_end[on_inner])) if on_inner.sum() >= 5 else float(edges[best])
+
+
+@njit(cache=True)
+def _costs(u_plane, u_end, edges, bound):
+    """Sum (len(edges),) over the rays of how far each ends from where the model of ``_corner`` says."""
+    cost = np.zeros(len(edges))
+    for k in range(len(edges)):
+        for i in range(len(u_plane)):
+            cost[k] += min(abs(u_end[i] - max(u_plane[i], edges[k])), bound)
+    return cost
 
 
 def _threshold(low, high, pitch, max_shadow):

@@ -169,8 +169,8 @@ def _across(bearing, reach, heading, origin, rank, settings):
     normal = np.array([np.cos(heading), np.sin(heading)])
     along = np.array([normal[1], -normal[0]])
     result = []
-    # what bounds a run is seen from the front only: how deep it is behind that is unknown. Several readings of it
-    for uneven in np.linspace(narrow.level, narrow.before, 4):
+    # what bounds a run is seen from the front only: how deep it is behind that is unknown. Two readings of it
+    for uneven in (narrow.level, narrow.before):
         rows = _rows(u, v, narrow.row, narrow.reach, narrow.tolerance, uneven, narrow.beside, door.min_width - 0.03,
                      door.max_width + 0.03)
         for group in _groups(rows):
