@@ -22,6 +22,8 @@ from wheelchair_shared_control.camera import base_from_camera as base_from_camer
 from wheelchair_shared_control.doorway_tracker import DoorwayTracker
 from wheelchair_shared_control.values import Doorway
 
+SAME_WIDTH = 0.04  # m: doorways of one place that differ by less are equally wide
+
 
 class FoundGap(NamedTuple):
     """A gap and what became of it: ``ends`` (2, 2) [m]; ``reason`` empty if it is a doorway."""
@@ -210,7 +212,9 @@ def _narrow(rays, narrow, found, shut, settings, stamp):
     Across a gap between two pieces of wall that is ``shut`` (list of (2, 2)) it is the way past a half-open leaf.
     """
     middle = 0.5 * (narrow.left + narrow.right)
-    if not _is_new(middle, found):
+    # a doorway found there stays, unless this is narrower
+    narrower = np.hypot(*(narrow.right - narrow.left)) + SAME_WIDTH
+    if not _is_new(middle, [doorway for doorway in found if doorway.width < narrower]):
         return None, None
     for ends in shut:
         across = ends[1] - ends[0]
@@ -229,16 +233,16 @@ def _narrow(rays, narrow, found, shut, settings, stamp):
     near = doorway_rays.near(rays, line, settings, left - 0.6, right + 0.6, 1.0)
     jambs = doorway_jambs.Jambs(float(left), float(right), float(left), float(right), 0.5 * narrow.depth,
                                 narrow.measured, 0.02)
-    verdict = doorway_volume.judge(near, jambs, settings, settings.narrow.margin, settings.volume.leaf,
-                                   narrow.inner + 0.5 * narrow.depth)
+    verdict = doorway_volume.judge(near, jambs, settings, settings.narrow.margin, settings.volume.leaf)
     if verdict.reason:
         return None, FoundGap(ends, "narrow: " + verdict.reason)
-    if verdict.deep < settings.narrow.min_deep:
+    leads_on = verdict.deep >= settings.narrow.min_deep
+    if not leads_on:
         # looked at from aside, its far side hides how deep it is: then it must at least be as wide as doors are
         hidden = (right - left) < settings.volume.passage * np.tan(abs(slant))
         if not hidden or right - left > settings.narrow.usual_width:
             return None, FoundGap(ends, "narrow: %.0f %% of it seen to lead on" % (100.0 * verdict.deep))
-    if doorway_volume.is_beside_walls(near, jambs, slant, settings):
+    if doorway_volume.is_beside_walls(near, jambs, slant, settings, leads_on):
         return None, FoundGap(ends, "narrow: between walls along the way")
     covariance = _covariance(line, jambs, settings.narrow.angle_sigma, 0.03, settings)
     pose = np.append(middle, np.arctan2(line.normal[1], line.normal[0]))
@@ -270,11 +274,15 @@ def _covariance(line, jambs, angle_sigma, offset_sigma, settings):
 
 
 def _distinct(doorways):
-    """One doorway seen in two planes (a wall and its frame) counts once: the more confident one stays."""
+    """One doorway seen in two planes (a wall and its frame) counts once: the narrower one stays, or of equally wide
+    ones the more confident."""
     kept = []
     for doorway in sorted(doorways, key=lambda d: -d.confidence):
-        if all(np.hypot(*(doorway.pose[:2] - other.pose[:2])) > 0.5 for other in kept):
+        near = [k for k, other in enumerate(kept) if not _is_new(doorway.pose, [other])]
+        if not near:
             kept.append(doorway)
+        elif all(doorway.width < kept[k].width - SAME_WIDTH for k in near):
+            kept = [other for k, other in enumerate(kept) if k not in near] + [doorway]
     return sorted(kept, key=lambda d: float(np.hypot(d.pose[0], d.pose[1])))
 
 

@@ -16,8 +16,7 @@ class Narrow(NamedTuple):
     """Free run between two tall things: its ends ``left`` and ``right`` (2,) [m] as the sensor sees them, in the
     middle of the depth that they share; ``normal`` (2,) unit, away from the sensor; ``depth`` [m] of that stretch,
     and whether it was ``measured``; one stands at most ``uneven`` [m] before the other;
-    ``rank`` of the building's direction that it follows, 0 is the best; ``inner`` [m]
-    how deep a side is seen to go on behind the middle."""
+    ``rank`` of the building's direction that it follows, 0 is the best."""
 
     left: np.ndarray
     right: np.ndarray
@@ -26,7 +25,6 @@ class Narrow(NamedTuple):
     measured: bool
     uneven: float
     rank: int
-    inner: float
 
 
 def find(rays, headings, settings):
@@ -185,8 +183,7 @@ def _across(bearing, reach, heading, origin, rank, settings):
             # of a jamb whose inner face is hidden only the front is seen
             plane = 0.5 * (front + back) if measured else front + 0.5 * settings.jamb.thickness
             ends = [origin + edge * along + plane * normal for edge in (low, high)]
-            item = Narrow(ends[0], ends[1], normal, float(back - front), bool(measured), float(uneven), rank,
-                          float(max(left[1], right[1]) - plane))
+            item = Narrow(ends[0], ends[1], normal, float(back - front), bool(measured), float(uneven), rank)
             if not any(_equal(item, other, narrow.apart) for other in result):
                 result.append(item)
     return result

@@ -18,12 +18,11 @@ class Verdict(NamedTuple):
     deep: float = 0.0
 
 
-def judge(near, jambs, settings, margin=None, passed=None, inner_depth=None):
+def judge(near, jambs, settings, margin=None, passed=None):
     """``Verdict`` on the gap between ``jambs`` from the rays ``near`` it (Crossings).
 
     ``margin`` [m]: what stands this near to a jamb belongs to it (default ``volume/margin``). ``passed`` [m]: a ray
-    that ends on a jamb's inner face deeper than this counts as passed (default: it tells nothing). ``inner_depth``
-    [m]: how deep a jamb's inner face is seen behind the plane (default: as deep as ``jambs`` say).
+    that ends on a jamb's inner face deeper than this counts as passed (default: it tells nothing).
     """
     volume, door = settings.volume, settings.door
     margin = volume.margin if margin is None else margin
@@ -61,9 +60,8 @@ def judge(near, jambs, settings, margin=None, passed=None, inner_depth=None):
         return refuse("not seen to be open near the floor")
 
     # a passage behind the jambs' inner faces: between cupboards these are as deep as the cupboards
-    if inner_depth is None:
-        inner_depth = 2.0 * jambs.plane if jambs.measured else 0.0
-    behind = volume.passage + float(np.clip(inner_depth - settings.jamb.thickness, 0.0, volume.max_inner))
+    inner = max(_inner_depth(near, side, edge, settings) for side, edge in ((-1.0, left), (1.0, right)))
+    behind = volume.passage + float(min(inner, volume.max_inner))
     left_clear, right_clear = _passage(near, left, right, margin, behind, settings)
     if right_clear - left_clear < max(door.min_width, volume.min_passage * width):
         return refuse("%.2f m of its width free behind or before it" % max(right_clear - left_clear, 0.0), True)
@@ -71,13 +69,15 @@ def judge(near, jambs, settings, margin=None, passed=None, inner_depth=None):
     return Verdict("", float(np.clip(confidence, 0.0, 1.0)), False, deep)
 
 
-def is_beside_walls(near, jambs, slant, settings):
+def is_beside_walls(near, jambs, slant, settings, leads_on=True):
     """Is what is narrow no doorway, but lies between walls that go along the way?
 
     A corridor that one looks into through a doorway in its side is bounded by the wall about that doorway, whose
     near face is seen on one side before or behind the plane, and by the wall across, seen on the other side the
-    other way round. Or a wall goes past, close to both sides of the plane. Or nothing of a wall across the way is
-    seen although it is looked at from aside (``slant`` [rad] from the normal), or a wall goes on behind the plane.
+    other way round; looked at from aside (``slant`` [rad] from the normal) one wall is enough that goes past close to
+    both sides of the plane. Or nothing of a wall across the way is seen although it is looked at from aside, or a wall
+    goes on behind the plane. Or a wall comes along the way up to the plane, and nothing shows that the way leads on
+    (``leads_on``).
     """
     volume = settings.volume
     tall = near.where((near.z > settings.narrow.low) & (np.abs(near.offset) < 0.995))
@@ -90,16 +90,24 @@ def is_beside_walls(near, jambs, slant, settings):
                              minlength=40).reshape(2, 20)[:, 6:]
         return (pieces > 0).mean(axis=1) > volume.corridor
 
+    def comes_along(outward):
+        beside = (np.abs(outward) < 0.05) & (tall.offset < -0.1) & (tall.offset > -0.45)
+        return len(np.unique((tall.offset[beside] / 0.05).astype(int))) >= 4
+
     wide = [goes_on(outward, volume.corridor_width) for outward in sides]
     close = [goes_on(outward, 0.05) for outward in sides]
-    if (wide[0][0] and wide[1][1]) or (wide[0][1] and wide[1][0]) or (close[0] & close[1]).any() or (
-            close[0].all() or close[1].all()):
+    if (wide[0][0] and wide[1][1]) or (wide[0][1] and wide[1][0]) or (close[0] & close[1]).any():
         return True
-    if abs(slant) < np.radians(volume.aside) and not (wide[0][1] or wide[1][1]):
+    if not leads_on and any(comes_along(outward) for outward in sides):
+        return True
+    aside = abs(slant) > np.radians(volume.aside)
+    if aside and (close[0].all() or close[1].all()):
+        return True
+    if not (aside or wide[0][1] or wide[1][1]):
         return False
     level = (tall.offset > -0.2) & (tall.offset < 0.3)
     return not any(
-        len(np.unique((outward[level & (outward > 0.05) & (outward < 0.35)] / 0.05).astype(int))) >= 3
+        len(np.unique((outward[level & (outward > 0.05) & (outward < 0.35)] / 0.05).astype(int))) >= (3 if aside else 2)
         for outward in sides)
 
 
@@ -187,6 +195,16 @@ def _coverage(near, left, right, margin, passed, settings):
     beyond = columns(inside & (near.label == DEEP) & (near.offset > volume.passage) & (
         near.z < settings.wall.high)) >= volume.min_rays
     return float(good[counted].mean()), float(low[counted].mean()), float(beyond.mean())
+
+
+def _inner_depth(near, side, edge, settings):
+    """How deep [m] the inner face of a jamb is seen to go on behind the plane, without a break."""
+    at = (np.abs(near.s - edge) < settings.volume.margin) & (near.z > settings.narrow.low) & (near.offset > 0.0) & (
+        near.offset < 1.0)
+    pieces = np.bincount((near.offset[at] / 0.05).astype(int), minlength=20)[:20] >= settings.volume.min_rays
+    # the face about the gap hides the first of it where it is seen from the front
+    breaks = np.flatnonzero(~pieces[2:])
+    return 0.05 * (2 + (breaks[0] if len(breaks) else 18))
 
 
 def _passage(near, left, right, margin, behind, settings):

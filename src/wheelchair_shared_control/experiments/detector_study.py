@@ -5,6 +5,7 @@ import numpy as np
 
 from wheelchair_shared_control import camera as cameras
 from wheelchair_shared_control import doorway, se2
+from wheelchair_shared_control.doorway_tracker import DoorwayTracker, in_frame
 from wheelchair_shared_control.experiments import detector_scenes
 from wheelchair_shared_control.simulation import depth_noise, zbuffer
 
@@ -95,16 +96,23 @@ def draw(studio, seed):
     raise RuntimeError("no scene of kind %s fits in %d draws" % (kind, MAX_DRAWS))
 
 
-def examine(studio, seed):
-    """``Result`` of the scene of ``seed``."""
+def examine(studio, seed, frames=1):
+    """``Result`` of the scene of ``seed``: of one frame, or of several ``frames`` fused by the tracker.
+
+    The further frames are taken while the chair moves a little: up to 0.05 m and 2 degrees about the first place.
+    """
     scene, image, required = draw(studio, seed)
     detection = doorway.detect_depth(image, studio.camera, studio.base_from_camera, studio.detector_settings, seed)
-    poses = [se2.compose(scene.base, found.pose) for found in detection.doorways]
+    told = detection.doorways
+    poses = [se2.compose(scene.base, found.pose) for found in told]
+    if frames > 1:
+        told = _fused(studio, scene, detection, frames, seed)
+        poses = [found.pose for found in told]
     taken = set()
     error = np.full(4, np.nan)
     found = False
     for index, opening in enumerate(scene.openings):
-        for k, (pose, item) in enumerate(zip(poses, detection.doorways)):
+        for k, (pose, item) in enumerate(zip(poses, told)):
             if k in taken or not matches(pose, opening.pose):
                 continue
             taken.add(k)
@@ -115,6 +123,22 @@ def examine(studio, seed):
             break
     false = tuple(pose for k, pose in enumerate(poses) if k not in taken)
     return Result(seed, scene, required, found, error, false, len(taken), detection, image)
+
+
+def _fused(studio, scene, first, frames, seed):
+    """Doorways (tuple, in the world) that the tracker tells after ``frames`` frames, of which ``first`` is one."""
+    rng = np.random.default_rng((seed, frames))
+    tracker = DoorwayTracker(studio.detector_settings)
+    told = ()
+    for k in range(frames):
+        base, detection = scene.base, first
+        if k:
+            base = scene.base + rng.uniform(-1.0, 1.0, 3) * (0.05, 0.05, np.radians(2.0))
+            image, _ = studio.look(scene.boxes, base, rng)
+            detection = doorway.detect_depth(image, studio.camera, studio.base_from_camera, studio.detector_settings,
+                                             seed, 0.1 * k)
+        told = tracker.update([in_frame(base, found) for found in detection.doorways], base, 0.1 * k)
+    return told
 
 
 def matches(pose, expected):

@@ -111,7 +111,7 @@ TABLE = [
     P("volume/min_rays", int, "", 1, 1000, "fewest rays that decide a column"),
     P("volume/tall", float, "m", 0.1, 2.0, "leaves and walls, unlike things on the floor, are seen above this"),
     P("volume/passage", float, "m", 0.0, 5.0, "free way that is needed behind the plane"),
-    P("volume/max_inner", float, "m", 0.0, 1.0, "jambs deeper than usual lengthen it by at most this"),
+    P("volume/max_inner", float, "m", 0.0, 1.0, "deep jambs lengthen it by their depth, but at most by this"),
     P("volume/corridor", float, "", 0.0, 1.0, "a narrow beside which walls go on along this share of the way is none"),
     P("volume/corridor_width", float, "m", 0.0, 1.0, "and this near to its ends"),
     P("volume/aside", float, "degree", 0.0, 90.0, "looked at from farther aside, a wall must be seen beside a narrow"),
