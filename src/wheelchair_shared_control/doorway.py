@@ -130,7 +130,7 @@ def _detect(rays, few, ground, settings, stamp):
             continue
         scan = doorway_gaps.scan(rays, wall.line, settings)
         for gap in doorway_gaps.gaps(scan, settings):
-            doorway, result, both = _examine(rays, wall.line, gap, settings, stamp)
+            doorway, result, both = _examine(rays, wall.line, gap, headings, settings, stamp)
             if result is not None:
                 gaps.append(result)
             if both and doorway is None:
@@ -151,7 +151,7 @@ def _detect(rays, few, ground, settings, stamp):
     return Detection(tuple(doorways), tuple(walls), tuple(gaps), "" if doorways else _why(walls, gaps), ground)
 
 
-def _examine(rays, line, gap, settings, stamp):
+def _examine(rays, line, gap, headings, settings, stamp):
     """One gap, from rough columns to (Doorway or None, FoundGap or None, whether walls run along on both sides)."""
     door, scan = settings.door, settings.gap
 
@@ -193,7 +193,7 @@ def _examine(rays, line, gap, settings, stamp):
     verdict = doorway_volume.judge(near, jambs, settings)
     left, right = jambs.left, jambs.right
     if verdict.reason:
-        return None, FoundGap(at(left, right), verdict.reason), all(along) and verdict.is_shut
+        return None, FoundGap(at(left, right), verdict.reason), _is_shut(verdict, along, line, headings)
     if not any(along):
         return None, FoundGap(at(left, right), "no wall runs along it"), False
     ends = at(left, right) + jambs.plane * line.normal
@@ -204,6 +204,13 @@ def _examine(rays, line, gap, settings, stamp):
     doorway = Doorway(np.array([middle[0], middle[1], yaw]), float(right - left), verdict.confidence, ends,
                       covariance, stamp)
     return doorway, FoundGap(at(left, right), ""), all(along)
+
+
+def _is_shut(verdict, along, line, headings):
+    """Is a gap surely shut, by what stands in it, and surely a gap of a wall: by both its sides, or by one that runs
+    along the building's first direction?"""
+    yaw = np.arctan2(line.normal[1], line.normal[0])
+    return verdict.is_shut and (all(along) or any(along) and doorway_narrows.is_along(headings[:1], yaw, 3.0))
 
 
 def _narrow(rays, narrow, found, shut, settings, stamp):
@@ -236,12 +243,12 @@ def _narrow(rays, narrow, found, shut, settings, stamp):
     verdict = doorway_volume.judge(near, jambs, settings, settings.narrow.margin, settings.volume.leaf)
     if verdict.reason:
         return None, FoundGap(ends, "narrow: " + verdict.reason)
+    # looked at from aside, its far side hides how deep it is: then it must at least be as wide as doors are
     leads_on = verdict.deep >= settings.narrow.min_deep
-    if not leads_on:
-        # looked at from aside, its far side hides how deep it is: then it must at least be as wide as doors are
-        hidden = (right - left) < settings.volume.passage * np.tan(abs(slant))
-        if not hidden or right - left > settings.narrow.usual_width:
-            return None, FoundGap(ends, "narrow: %.0f %% of it seen to lead on" % (100.0 * verdict.deep))
+    hidden = right - left < settings.volume.passage * np.tan(abs(slant)) or abs(slant) > np.radians(
+        settings.volume.aside)
+    if right - left > settings.narrow.usual_width if hidden else not leads_on:
+        return None, FoundGap(ends, "narrow: %.0f %% of it seen to lead on" % (100.0 * verdict.deep))
     if doorway_volume.is_beside_walls(near, jambs, slant, settings, leads_on):
         return None, FoundGap(ends, "narrow: between walls along the way")
     covariance = _covariance(line, jambs, settings.narrow.angle_sigma, 0.03, settings)
@@ -290,13 +297,14 @@ def _settled(found, doubtful, settings):
     """Doorways (list): those ``found``, and the ``doubtful`` ones.
 
     Doubtful is what the wall on one side alone tells, or walls that run along none of the building's directions. It
-    gives way to what else was found at its place with another direction, and replaces what has the same, as it is
-    more exact.
+    gives way to what else was found at its place with another direction, or narrower, and replaces other things, as it
+    is more exact.
     """
     for doorway in doubtful:
         near = [other for other in found if not _is_new(doorway.pose, [other])]
-        if doorway_narrows.is_along([other.pose[2] for other in near[:1]] or [doorway.pose[2]], doorway.pose[2],
-                                    settings.wall.join_angle):
+        agrees = [doorway_narrows.is_along([other.pose[2]], doorway.pose[2], settings.wall.join_angle) and
+                  doorway.width < other.width + SAME_WIDTH for other in near]
+        if all(agrees):
             found = [other for other in found if _is_new(doorway.pose, [other])] + [doorway]
     return found
 

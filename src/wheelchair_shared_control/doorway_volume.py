@@ -75,9 +75,9 @@ def is_beside_walls(near, jambs, slant, settings, leads_on=True):
     A corridor that one looks into through a doorway in its side is bounded by the wall about that doorway, whose
     near face is seen on one side before or behind the plane, and by the wall across, seen on the other side the
     other way round; looked at from aside (``slant`` [rad] from the normal) one wall is enough that goes past close to
-    both sides of the plane. Or nothing of a wall across the way is seen although it is looked at from aside, or a wall
-    goes on behind the plane. Or a wall comes along the way up to the plane, and nothing shows that the way leads on
-    (``leads_on``).
+    both sides of the plane. Or nothing of a wall across the way is seen although it is looked at from aside, a wall
+    goes on behind the plane, or it is wider than doors are. Or a wall comes along the way up to the plane, and nothing
+    shows that the way leads on (``leads_on``).
     """
     volume = settings.volume
     tall = near.where((near.z > settings.narrow.low) & (np.abs(near.offset) < 0.995))
@@ -95,7 +95,7 @@ def is_beside_walls(near, jambs, slant, settings, leads_on=True):
         return len(np.unique((tall.offset[beside] / 0.05).astype(int))) >= 4
 
     wide = [goes_on(outward, volume.corridor_width) for outward in sides]
-    close = [goes_on(outward, 0.05) for outward in sides]
+    close = [goes_on(outward, 0.08) for outward in sides]
     if (wide[0][0] and wide[1][1]) or (wide[0][1] and wide[1][0]) or (close[0] & close[1]).any():
         return True
     if not leads_on and any(comes_along(outward) for outward in sides):
@@ -103,12 +103,12 @@ def is_beside_walls(near, jambs, slant, settings, leads_on=True):
     aside = abs(slant) > np.radians(volume.aside)
     if aside and (close[0].all() or close[1].all()):
         return True
-    if not (aside or wide[0][1] or wide[1][1]):
-        return False
     level = (tall.offset > -0.2) & (tall.offset < 0.3)
-    return not any(
-        len(np.unique((outward[level & (outward > 0.05) & (outward < 0.35)] / 0.05).astype(int))) >= (3 if aside else 2)
-        for outward in sides)
+    across = max(len(np.unique((outward[level & (outward > 0.05) & (outward < 0.35)] / 0.05).astype(int)))
+                 for outward in sides)
+    if across == 0 and jambs.right - jambs.left > settings.narrow.usual_width:
+        return True
+    return (aside or wide[0][1] or wide[1][1]) and across < (3 if aside else 2)
 
 
 def _jamb(near, side, edge, settings):
@@ -131,7 +131,7 @@ def _jamb(near, side, edge, settings):
     # rays that pass above what stands there: furniture. What ends low where nothing is told above is no jamb either
     top = float(np.percentile(z, 98))
     if top < settings.narrow.low:
-        return "jamb ends at %.2f m:" % top, 0.0
+        return "one jamb only: %.2f m high" % top, 0.0
     above = beside & ((near.label == SHALLOW) | (near.label == DEEP)) & (near.z_cross > top + 0.03) & (
         near.z_cross < jamb.full_height)
     if above.sum() > 0.1 * beside.sum() and top < jamb.full_height - 0.1:

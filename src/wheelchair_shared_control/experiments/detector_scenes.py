@@ -104,7 +104,10 @@ def draw(rng, kind, camera_x, width=None):
     if kind in ("closed", "half_closed"):
         turn = 0.0 if kind == "closed" else float(np.radians(rng.uniform(15.0, 60.0)))
         recess = float(rng.uniform(-thickness / 2.0 + 0.02, thickness / 2.0 - 0.02))
-        boxes.append(_leaf(rng, half, width, recess, turn, 1.0 if rng.random() < 0.5 else -1.0))
+        leaf = _leaf(rng, half, width, recess, turn, 1.0 if rng.random() < 0.5 else -1.0)
+        if is_edge_on(leaf, eye):
+            return None
+        boxes.append(leaf)
     if kind == "leaf_in_room":
         boxes.append(_leaf(rng, half, width, front, float(np.radians(rng.uniform(95.0, 175.0))), -1.0, beside=True))
     if kind == "leaf_beyond":
@@ -137,6 +140,16 @@ def in_view(opening, eye, look, half_view=np.radians(28.0), beside=0.10):
         if abs((bearing + np.pi) % (2.0 * np.pi) - np.pi) > half_view:
             return False
     return True
+
+
+def is_edge_on(leaf, eye, limit=np.radians(12.0)):
+    """Is a leaf (row of boxes) seen so flat from ``eye`` (2,) that a depth camera has no reading of its face?
+
+    Beyond 80 degrees of incidence the sensor tells nothing; such a door cannot be told from an open one.
+    """
+    along = np.array([np.cos(leaf[3]), np.sin(leaf[3])])
+    ray = np.asarray(leaf[:2]) - eye
+    return bool(abs(along[0] * ray[1] - along[1] * ray[0]) < np.sin(limit) * np.hypot(*ray))
 
 
 def beside_jambs(opening, beside=0.05):
