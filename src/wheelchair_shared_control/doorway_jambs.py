@@ -95,7 +95,8 @@ def refined_edges(near, left, right, settings):
     near = near.where((near.label != FRONT) | beside_plane(near, settings))
     a = _edge(near, left, -1.0, right - left, pitch, settings)
     b = _edge(near, right, 1.0, right - left, pitch, settings)
-    back = [edge.back for edge in (a, b) if edge.back is not None]
+    # a wall along the way that begins at the edge is deeper than what is looked at: no jamb's inner face
+    back = [edge.back for edge in (a, b) if edge.back is not None and edge.back < 0.9 * settings.gap.reveal_depth]
     face = [edge.face for edge in (a, b) if edge.face > 0.0]
     front = float(np.mean(face)) if face else 0.0
     depth = max(back) - front if back else settings.jamb.thickness

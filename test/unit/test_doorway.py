@@ -158,3 +158,27 @@ def test_a_real_living_room_has_no_doorway():
     for path in sorted((DATA / "living_room_depth").glob("*.png")):
         (frame,) = doorway_files.read(path)
         assert doorway_frames.detect(frame, SETTINGS).detection.doorways == ()
+
+
+# A corner door: the wall along y ends at y = -0.45, a partition along x has its face at y = 0.45, from the wall's
+# plane on. The gap is 0.90 m wide, and no wall goes on beyond the partition in the plane.
+CORNER = [[2.5, -2.45, 1.25, 0.0, 0.06, 2.0, 1.25], [3.44, 0.51, 1.25, 0.0, 1.0, 0.06, 1.25]]
+
+
+def test_a_doorway_between_a_wall_and_a_partition_is_found_along_the_walls_directions():
+    (found,) = detect(look(*CORNER)).doorways
+    assert found.pose[:2] == pytest.approx((2.5, 0.0), abs=0.10)
+    assert found.pose[2] == pytest.approx(0.0, abs=np.radians(5.0))
+    assert found.width == pytest.approx(0.90, abs=0.05)
+
+
+def test_a_corridor_as_wide_as_a_door_is_no_doorway():
+    # walls along x at y = 0.5 and y = -0.5, closed 4 m ahead
+    sides = [[2.5, side * 0.56, 1.25, 0.0, 2.0, 0.06, 1.25] for side in (1.0, -1.0)]
+    assert detect(look([4.2, 0.0, 1.25, 0.0, 0.06, 2.0, 1.25], *sides)).doorways == ()
+
+
+def test_a_niche_between_a_cupboard_and_a_side_wall_is_no_doorway():
+    # the wall at x = 3, a side wall along x at y = 0.9, a cupboard 0.6 m deep that leaves 0.8 m free beside it
+    wall, side = [3.06, 0.0, 1.25, 0.0, 0.06, 3.0, 1.25], [1.5, 0.96, 1.25, 0.0, 1.5, 0.06, 1.25]
+    assert detect(look(wall, side, [2.7, -0.7, 0.9, 0.0, 0.3, 0.8, 0.9])).doorways == ()
