@@ -109,3 +109,18 @@ def test_the_way_back_ends_before_a_wall():
         drive.tick()
     assert np.min(np.array(drive.poses)[:, 0]) < -1.15
     assert min(footprints.distance_to_points(CHAIR, pose, drive.walls).min() for pose in drive.poses) > 0.0
+
+
+def test_a_swing_into_unseen_ground_beside_something_is_dear():
+    """Between the rangers' beams a jamb can hide: whoever may turn elsewhere shall."""
+    planner, start = Planner(SETTINGS.wheelchair, SETTINGS), np.zeros(3)
+    steps, kinds = np.tile([0.0, 0.1], (8, 1)), np.zeros(8, np.int64)
+
+    def price(wall, known):
+        field = clearance.make_field(snapshot(wall, start, 0.0, known=known))
+        return planner.price(field, start, steps, kinds)
+
+    near, far = box(-1.0, 1.0, -0.8, -0.7), box(-1.0, 1.0, -2.1, -2.0)
+    # turned by 0.8 rad the rear corner has 0.2 m left to the near wall
+    assert price(near, False) > 5.0 * price(near, True)
+    assert price(far, False) < 3.5 * price(far, True)
