@@ -15,6 +15,8 @@ from wheelchair_shared_control.grid import LETHAL
 
 NOTHING = np.empty((0, 2))
 LARGEST = 1.3  # m: extent of a person and their trail; larger blobs are walls and furniture
+LONGEST = 2.0  # m: the same for one who is known to walk, whose trail has grown
+THIN = (0.8, 0.08)  # m: what is longer and on average thinner is a wall
 SMALLEST = 0.15  # m: smaller ones are scraps of either
 LAG = 0.3  # of the leading edge's way: the least that the trailing edge must have gone
 FEWEST = 3  # cells of a blob
@@ -66,7 +68,9 @@ class Track:
         velocity = self._measured()
         if velocity is None:
             return
-        if SLOWEST <= float(np.hypot(*velocity)) <= FASTEST and blob.fresh >= FRESH_SHARE:
+        if SLOWEST <= float(np.hypot(*velocity)) <= FASTEST and blob.fresh >= FRESH_SHARE and (
+            self.moves or float(np.ptp(blob.edges, axis=0).max()) <= LARGEST
+        ):
             self.velocity = velocity if not self.seen_moving else 0.5 * (self.velocity + velocity)
             self.seen_moving, self.seen_standing = self.seen_moving + 1, 0
             return
@@ -187,14 +191,15 @@ def find_blobs(grid, fresh=None):
     ``fresh`` (rows, columns): the cells where nothing stood before; None where that is not known.
     """
     labels, count = ndimage.label(grid.cells == LETHAL, structure=np.ones((3, 3)))
-    largest, smallest = LARGEST / grid.resolution, SMALLEST / grid.resolution
+    largest, smallest = LONGEST / grid.resolution, SMALLEST / grid.resolution
     blobs = []
     for index, box in enumerate(ndimage.find_objects(labels, count), start=1):
         height, width = box[0].stop - box[0].start, box[1].stop - box[1].start
         if not smallest <= max(height, width) <= largest or height * width < FEWEST:
             continue
         rows, columns = np.nonzero(labels[box] == index)
-        if len(rows) < FEWEST:
+        thickness = len(rows) * grid.resolution / max(height, width)
+        if len(rows) < FEWEST or (max(height, width) * grid.resolution > THIN[0] and thickness < THIN[1]):
             continue
         cells = np.column_stack((columns + box[1].start + 0.5, rows + box[0].start + 0.5))
         points = cells * grid.resolution + np.asarray(grid.origin)

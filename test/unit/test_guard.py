@@ -360,6 +360,13 @@ class TestMoving:
                 ahead = moving.points[:, 1] > y - 0.25 if len(moving.points) else np.zeros(0, bool)
                 assert ahead.any() and (moving.velocities[ahead, 1] > 0.2).all(), k
 
+    def test_a_wall_that_comes_into_view_bit_by_bit_does_not_move(self):
+        # One cell thick, 0.9 m at first; its near end and its far end are seen in turns of 0.1 m further on.
+        moving = MovingCells()
+        for k in range(24):
+            moving.update(filled(empty(), (0.5 + 0.04 * k, 1.4 + 0.04 * k), (1.0, 1.025))._replace(stamp=0.1 * k))
+            assert len(moving.points) == 0
+
     def test_are_followed_while_the_window_rolls(self):
         moving = MovingCells()
         for k in range(10):
