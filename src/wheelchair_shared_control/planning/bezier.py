@@ -27,7 +27,7 @@ class Bezier(Navigator):
 
     def _drive(self, now, odometry, field, user_v, candidates):
         own = self.settings.bezier
-        acting, anchor = self._predict(now, odometry, user_v)
+        acting, anchor = self.commands.predict(now, odometry, user_v)
         door = se2.compose(self.goal, np.array([-own.door_before_goal, 0.0, 0.0]))
         passes = se2.compose(se2.inverse(door), anchor)[0] > -own.hand_over
         target = self.goal if passes else door
@@ -73,8 +73,8 @@ class Bezier(Navigator):
         turn = float(se2.wrap_angle(wanted - anchor[2]))
         if abs(turn) < self.settings.bezier.turned:
             return self._without_path(now, "no curve is free of collision")
-        w = np.sign(turn) * min(self.w_max, max(0.12, np.sqrt(self.turn_acc * abs(turn))))
-        command = self._legal(field, acting, self._limited(0.0, w), self.planner.still(field, acting[:3]))
+        still = self.planner.still(field, acting[:3])
+        command = self.commands.legal(field, acting, self.commands.turning(turn), still)
         if command[0] is None:
             return self._without_path(now, "no curve and no turn is free of collision")
         return self._send(now, command[0], "turns towards the door", local_plan=command[1][0])

@@ -4,37 +4,24 @@ It never drives on an old costmap, replans when the way is blocked, stops when n
 costmap to be cleared once, and gives up with the reason. Turning on the spot as a recovery is off: somebody sits on
 the chair, perhaps in a doorway.
 """
-from collections import deque
 from typing import NamedTuple, Optional
 
 import numpy as np
 
 from wheelchair_shared_control import se2
-from wheelchair_shared_control.planning import clearance, following
+from wheelchair_shared_control.planning import clearance
+from wheelchair_shared_control.planning.commands import Candidates, Commands
 from wheelchair_shared_control.planning.holding import Hold, way_back
-from wheelchair_shared_control.planning.planner import Path, Planner, resampled, rolled
+from wheelchair_shared_control.planning.kept_path import KeptPath
+from wheelchair_shared_control.planning.planner import Planner
 from wheelchair_shared_control.values import STOP, Twist
 
 IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person is driving forward
-SLICE = 500  # states expanded in one cycle
-BACK_TIME, BACK_TIMES, BACKED = 5.0, 4, 0.04  # s for a way back, how often for one goal, m that may remain of it
+BACK_TIMES = 4  # how often for one goal
 FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
 TURNING = 0.6  # rad/s: mean rate of a turn on the spot
-FACED = 0.04  # rad: a turn on the spot with no more left is done
-LEAST = 0.008  # m/s and rad/s together: a smaller command moves nothing
-# Candidates, as shares of the wanted speed and turn rate, in the order of preference.
-SCALES = np.array([[1.0, 1.0], [0.85, 0.85], [0.7, 0.7], [0.55, 0.55], [0.4, 0.4], [0.28, 0.28], [0.18, 0.18],
-                   [0.1, 0.1], [0.5, 1.0], [1.0, 0.5], [1.0, 0.0], [0.4, 0.0], [0.0, 1.0], [0.0, 0.5]])
 EMPTY = np.zeros((0, 3))
-
-
-class Candidates(NamedTuple):
-    """Trajectories (n, steps, 3) that were looked at, their commands (n, 2) and smallest clearances (n,) [m]."""
-
-    poses: np.ndarray
-    commands: np.ndarray
-    clearance: np.ndarray
 
 
 class Decision(NamedTuple):
@@ -59,35 +46,23 @@ class Navigator:
 
     def __init__(self, settings):
         self.settings = settings
-        wheelchair = settings.wheelchair
-        self.planner = Planner(wheelchair, settings)
-        limits = wheelchair.limits
-        self.plant = following.Plant(
-            wheelchair.actuation.dead_time, wheelchair.actuation.lag, limits.acceleration, limits.turn_acceleration)
-        p = settings.planner
-        self.v_max = min(p.max_vel_x, limits.speed)
-        self.w_max = min(p.max_vel_theta, limits.turn_rate)
-        self.acc = min(p.acc_lim_x, limits.acceleration)
-        self.turn_acc = min(p.acc_lim_theta, limits.turn_acceleration)
-        self._sent = deque(maxlen=200)
-        self._hold = Hold(self.plant)
+        self.planner = Planner(settings.wheelchair, settings)
+        self.commands = Commands(settings, self.planner)
+        self._path = KeptPath(self.planner, settings.planner_frequency)
+        self._hold = Hold(self.commands.plant)
         self._forget()
         self.status, self.reason = IDLE, ""
         self._zero_due = False
 
     def _forget(self):
         self.goal = None
-        self._path, self._step, self._path_goal = None, 0, None
-        self._searched_at = -np.inf
+        self._path.forget()
         self._since_legal = self._since_path = None
         self._recovered = False
         self._anchor = None
         self._hold.forget()
-        self._back_until, self._backs = None, 0
-        self._no_path = ""
-        self._searching = False
+        self._backs = 0
         self._looks = True  # before the first path
-        self._turn_radius = 0.0
 
     # --- goals -------------------------------------------------------------------------------------------
     def set_goal(self, goal_odom, now):
@@ -95,12 +70,12 @@ class Navigator:
         goal = np.asarray(goal_odom, dtype=float)
         if goal.shape != (3,) or not np.all(np.isfinite(goal)):
             raise ValueError("a goal is three finite numbers x, y, yaw")
-        under_way = (self._path, self._step, self._path_goal) if self.status == ACTIVE else (None, 0, None)
+        under_way = self._path.kept() if self.status == ACTIVE else None
         self._forget()
         self.goal = goal
-        # The way to the old goal is driven on until there is one to the new.
-        self._path, self._step, self._path_goal = under_way
-        self._looks = self._path is None
+        if under_way is not None:
+            self._path.resume(under_way)
+        self._looks = self._path.empty
         self.status, self.reason, self._zero_due = ACTIVE, "", False
 
     def cancel(self, now):
@@ -121,7 +96,7 @@ class Navigator:
         goal = np.asarray(goal, dtype=float)
         field = clearance.padded(clearance.make_field(snapshot), goal[:2], 1.0, 4.0)
         path, _ = self.planner.plan(field, start, goal, True, tolerance=tolerance)
-        self._searching = False
+        self._path.stop_searching()
         return EMPTY if path is None else path.poses
 
     # --- one cycle ---------------------------------------------------------------------------------------
@@ -139,7 +114,7 @@ class Navigator:
         if self.status != ACTIVE:
             command = STOP if self._zero_due else None
             self._zero_due = False
-            self._sent.clear()
+            self.commands.forget()
             return Decision(command, self.status, self.reason)
         stale = self._stale(now, odometry, snapshot)
         if stale:
@@ -148,7 +123,7 @@ class Navigator:
         field = clearance.padded(clearance.make_field(snapshot), self.goal[:2], 1.0, 4.0)
         if self._arrived(odometry):
             self._end(SUCCEEDED, "goal reached")
-            self._sent.clear()
+            self.commands.forget()
             return Decision(STOP, SUCCEEDED, self.reason)
         if self._oscillates(now, odometry):
             return self._abort("no progress of %.2f m within %.0f s" % (
@@ -161,23 +136,25 @@ class Navigator:
         ``field``: clearance.Field that reaches to the goal; the rest as in ``update``.
         """
         # What a person pushes on, half of it, the chair keeps driving where the path turns on the spot.
-        self._turn_radius = 0.0 if user_v is None else 0.5 * max(user_v, 0.0) / TURNING
-        acting, anchor = self._predict(now, odometry, user_v)
+        self._path.turn_radius = 0.0 if user_v is None else 0.5 * max(user_v, 0.0) / TURNING
+        acting, anchor = self.commands.predict(now, odometry, user_v)
         moving = -1 if abs(acting[3]) < 0.1 else (0 if acting[3] > 0.0 else 1)
         if self._looks:
             look = self._look(now, odometry, field, acting, anchor, moving, user_v)
             if look is not None:
                 return look
         self._back_off(now, odometry, field, anchor, user_v)
-        path, reason = self._keep_path(now, field, anchor, user_v is None or user_v <= PUSHING, moving)
+        allow_reverse = user_v is None or user_v <= PUSHING
+        path, reason = self._path.update(now, field, anchor, self.goal, allow_reverse, moving)
         if path is None:
             return self._without_path(now, reason)
+        self._since_path = None
         return self._along(now, field, acting, path, candidates)
 
     def _along(self, now, field, acting, path, candidates):
         """Decision to drive the first steps of ``path``, or as much of that as stays clear."""
-        command = self._follow(field, path)
-        legal = self._legal(field, acting, command, path)
+        command = self.commands.along(field, path)
+        legal = self.commands.legal(field, acting, command, path)
         kept = Candidates(*legal[1:]) if candidates else None
         plans = dict(global_plan=path.poses, local_plan=legal[1][0], candidates=kept)
         if legal[0] is None:
@@ -219,7 +196,7 @@ class Navigator:
 
     # --- outcomes ----------------------------------------------------------------------------------------
     def _send(self, now, command, reason, **plans):
-        self._sent.append((now, command.v, command.w))
+        self.commands.note(now, command)
         return Decision(command, self.status, reason, **plans)
 
     def _stop(self, now, reason, **plans):
@@ -227,7 +204,7 @@ class Navigator:
 
     def _abort(self, reason):
         self._end(ABORTED, reason)
-        self._sent.clear()
+        self.commands.forget()
         return Decision(STOP, ABORTED, reason)
 
     def _without_path(self, now, reason):
@@ -238,7 +215,7 @@ class Navigator:
     def _without_command(self, now, plans):
         if self._since_legal is None:
             self._since_legal = now
-        self._path = None
+        self._path.drop()
         return self._wait(now, now - self._since_legal, self.settings.controller_patience,
                           "no command is free of collision", plans)
 
@@ -249,7 +226,7 @@ class Navigator:
             return self._abort(reason)
         self._recovered = True
         self._since_legal = self._since_path = None
-        self._searched_at = -np.inf
+        self._path.search_now()
         return self._stop(now, reason, recovery=True, **plans)
 
     # --- looking -----------------------------------------------------------------------------------------
@@ -274,9 +251,8 @@ class Navigator:
                 now, odometry, user_v is None or user_v > PUSHING):
             self._looks = False
             return None
-        w = np.sign(turn) * min(self.w_max, max(0.12, np.sqrt(self.turn_acc * abs(turn))))
-        pose = self.planner.still(field, acting[:3])
-        legal = self._legal(field, acting, self._limited(0.0, w), pose)
+        still = self.planner.still(field, acting[:3])
+        legal = self.commands.legal(field, acting, self.commands.turning(turn), still)
         if legal[0] is None:
             self._looks = False
             return None
@@ -293,179 +269,12 @@ class Navigator:
         if steps is None:
             return
         self._backs += 1
-        self._back_until = now + BACK_TIME
-        poses = rolled(anchor, steps)
-        self._path = Path(steps, poses, np.full(len(steps), -1), self.planner.clearance(field, poses))
-        self._step, self._path_goal = 0, poses[-1]
-        self._searching = False
-        self._sent.append((now, 0.0, 0.0))  # it stands: what was told last need not be braked from
+        self._path.go_back(field, anchor, steps, now)
+        self.commands.note(now, STOP)  # it stands: what was told last need not be braked from
 
     def _held(self, now, odometry, obeyed):
         """Whether the chair stands although it has long been told to move.
 
         ``obeyed``: that it is told so by nobody else, or by a person, too: a stick at rest keeps the chair where it is.
         """
-        told = bool(self._sent) and (abs(self._sent[-1][1]) > 0.02 or abs(self._sent[-1][2]) > 0.05)
-        return self._hold.update(now, odometry.pose, told and obeyed)
-
-    def _backing(self, now, way, blocked):
-        """Whether the way back is still being driven; at its end the path to the goal is looked for."""
-        if self._back_until is None:
-            return False
-        if not blocked and now < self._back_until and np.hypot(*(way.poses[0, :2] - self._path_goal[:2])) > BACKED:
-            return True
-        self._back_until, self._path, self._searched_at = None, None, -np.inf
-        return False
-
-    # --- path --------------------------------------------------------------------------------------------
-    def _predict(self, now, odometry, user_v):
-        """State (5,) at which a command sent now begins to act, and the pose (3,) at which it is felt."""
-        plant, dt = self.plant, 0.02
-        state = np.concatenate((odometry.pose, odometry.twist)).astype(np.float64)
-        ahead = now - odometry.stamp + plant.dead_time
-        n = max(0, int(round(ahead / dt)))
-        times = odometry.stamp + (np.arange(n) + 0.5) * dt - plant.dead_time
-        targets = np.zeros((n, 2))
-        sent = list(self._sent)
-        k = 0
-        for i, t in enumerate(times):
-            while k < len(sent) and sent[k][0] <= t:
-                k += 1
-            targets[i] = sent[k - 1][1:] if k else state[3:]
-        last = np.array(sent[-1][1:]) if sent else state[3:].copy()
-        if user_v is not None:
-            # Half of it is the person's: what is measured tells more than what was sent.
-            targets[:, 0] = 0.5 * (targets[:, 0] + user_v)
-            targets[:, 1] = 0.5 * (targets[:, 1] + state[4])
-            last = np.array([0.5 * (last[0] + user_v), 0.5 * (last[1] + state[4])])
-        acting = following.predict(state, targets, plant.lag, plant.acceleration, plant.turn_acceleration, dt)
-        felt = int(round(plant.lag / dt))
-        anchor = following.predict(acting, np.tile(last, (felt, 1)), plant.lag, plant.acceleration,
-                                   plant.turn_acceleration, dt)
-        return acting, anchor[:3].copy()
-
-    def _keep_path(self, now, field, anchor, allow_reverse, moving):
-        """(the way from ``anchor`` on, "") along the path that is kept or newly found, or (None, reason).
-
-        The path found by the search stays the reference: each cycle bends what remains of it for the present
-        costmap and pose, but never the bent one further, which would wander.
-        """
-        way, blocked = None, True
-        outdated = self._path_goal is not None and not np.array_equal(self._path_goal, self.goal)
-        if self._path is not None:
-            way, deviation, turned = self._remaining(field, anchor)
-            blocked = (self.planner.blocked(way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
-                       or (not allow_reverse and bool(np.any(way.kinds < 0))))
-            if self._backing(now, way, blocked):
-                return way, ""
-            if self._path is None:
-                way, blocked = None, True
-        period = 0.2 if blocked else 1.0 / self.settings.planner_frequency
-        if not self._searching and now - self._searched_at >= period:
-            self._searched_at, self._searching = now, True
-            self.planner.begin(field, anchor, self.goal, allow_reverse, moving)
-        if self._searching:
-            done = self.planner.go_on(SLICE)
-            if done is not None:
-                self._searching = False
-                new, self._no_path = done
-                if new is not None:
-                    way, blocked = self._better(field, anchor, new, way, blocked or outdated)
-                elif blocked or outdated:
-                    self._path = way = None
-        if way is None:
-            return None, self._no_path or "looking for a path"
-        self._since_path = None
-        return way, ""
-
-    def _better(self, field, anchor, new, way, blocked):
-        """The new path, or the one that is driven where the new one is not clearly better."""
-        old = self._path, self._step, self._path_goal
-        self._path, self._step, self._path_goal = new, 0, self.goal
-        new_way, deviation, turned = self._remaining(field, anchor)
-        new_blocked = self.planner.blocked(new_way, 0.0) >= 0 or deviation > 0.25 or turned > 0.6
-        old_price = np.inf if blocked else self.planner.price(field, anchor, way.steps, way.kinds)
-        new_price = self.planner.price(field, anchor, new_way.steps, new_way.kinds)
-        if new_price < 0.85 * old_price - 0.5 and not (new_blocked and not blocked):
-            return new_way, new_blocked
-        self._path, self._step, self._path_goal = old
-        return way, blocked
-
-    def _remaining(self, field, anchor):
-        """What is left of the path, bent to start at ``anchor``; and the distance [m, rad] from the path."""
-        path = self._path
-        step, part = following.project(anchor, path.poses, path.kinds, self._step, self._turn_radius)
-        self._step = step
-        on_path = path.poses[step] + part * (path.poses[step + 1] - path.poses[step])
-        steps = path.steps[step:].copy()
-        steps[0] *= 1.0 - part
-        steps, kinds = resampled(steps, path.kinds[step:])
-        targets = rolled(on_path, steps)
-        targets[-1] = self.planner._inside(field, self._path_goal)
-        # The way back is straight: it was looked at as it is.
-        way = self.planner.refine(field, anchor, steps, kinds, targets, 0 if self._back_until is not None else 6)
-        n = int(np.argmax(way.kinds != 0))
-        if n and abs(np.sum(way.steps[:n, 1])) < FACED:
-            # The rest of a turn is not worth standing for: the drive that follows steers it out.
-            self._step += int(np.argmax(path.kinds[step:] != 0))
-            targets = targets[n:]
-            way = self.planner.refine(field, anchor, steps[n:], kinds[n:], targets, 6)
-        return way, np.hypot(*(anchor[:2] - on_path[:2])), abs(se2.wrap_angle(anchor[2] - on_path[2]))
-
-    # --- command -----------------------------------------------------------------------------------------
-    def _follow(self, field, path):
-        """The command that drives the first steps of ``path``."""
-        p = self.settings.planner
-        seen = self.planner.seen(field, path)
-        clear = np.minimum(path.clear[:-1], path.clear[1:])
-        rate = following.speeds(
-            path.steps, path.kinds, clear, seen, p.speed_at_contact, p.speed_per_clearance, p.speed_in_unknown,
-            self.v_max, -p.min_vel_x, self.w_max, 0.8 * self.acc, 0.6 * self.turn_acc)
-        kind = path.kinds[0]
-        same = 1
-        while same < len(path.kinds) and path.kinds[same] == kind:
-            same += 1
-        run = path.steps[:same]
-        if kind == 0:
-            turn = np.sum(run[:, 1])
-            v, w = 0.0, np.sign(turn) * max(abs(run[0, 1] * rate[0]), 0.12)
-            w = np.sign(w) * min(abs(w), max(0.1, np.sqrt(1.2 * self.turn_acc * abs(turn))))
-        else:
-            along = np.cumsum(np.abs(run[:, 0]))
-            n = min(same, int(np.searchsorted(along, 0.18)) + 1)
-            bend = np.sum(run[:n, 1]) / max(along[n - 1], 0.02)
-            v = kind * max(abs(run[0, 0] * rate[0]), 0.06)
-            v = np.sign(v) * min(abs(v), self.w_max / max(abs(bend), 1e-3))
-            w = bend * abs(v)
-        return self._limited(v, w)
-
-    def _limited(self, v, w):
-        """The command within the acceleration limits from the last one."""
-        dt = 1.0 / self.settings.controller_frequency
-        v0, w0 = self._sent[-1][1:] if self._sent else (0.0, 0.0)
-        w_wanted = w
-        w = w0 + min(max(w - w0, -self.turn_acc * dt), self.turn_acc * dt)
-        if abs(w_wanted) > 0.05 and v != 0.0:
-            # The bend of the path is kept: while the turn rate still builds up, the chair goes slower.
-            v *= min(max(w / w_wanted, 0.3), 1.0)
-        v = v0 + min(max(v - v0, -self.acc * dt), self.acc * dt)
-        return Twist(float(v), float(min(max(w, -self.w_max), self.w_max)))
-
-    def _legal(self, field, acting, command, path):
-        """(the command, or the most of it that stays clear, or None), and the trajectories that were looked at."""
-        p, plant = self.settings.planner, self.plant
-        nothing = np.hypot(*command) <= LEAST  # between a drive and its reversal
-        commands = np.ascontiguousarray(SCALES * np.array(command))
-        n = int(np.ceil(p.sim_time / following.DT))
-        hold = max(1, int(round(1.0 / self.settings.controller_frequency / following.DT))) + 1
-        poses, least = following.rollouts(
-            field.distance, field.frame, *self.planner.body, acting, commands, path.poses[-1], n, hold,
-            plant.lag, plant.acceleration, plant.turn_acceleration, following.DT)
-        here = float(self.planner.clearance(field, acting[None, :3])[0])
-        corner = np.hypot(commands[:, 0], commands[:, 1] * self.planner.footprint.circumscribed_radius)
-        # As the guard has it; and not much closer than the path ahead: a wide door is not passed by a hair.
-        margin = np.maximum(p.margin + p.margin_per_speed * corner, min(0.5 * float(np.min(path.clear[:12])), 0.05))
-        for k in np.flatnonzero(least >= np.minimum(margin, here - 1e-4)):
-            if nothing or np.hypot(*commands[k]) > LEAST:
-                return Twist(*map(float, commands[k])), poses, commands, least
-        return None, poses, commands, least
+        return self._hold.update(now, odometry.pose, self.commands.moving and obeyed)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wheelchair_shared_control import footprint as footprints
-from wheelchair_shared_control.planning import clearance, refinement, search
+from wheelchair_shared_control.planning import clearance, pieces, refinement, search
 from wheelchair_shared_control.planning.following import kinds_of, seen_ahead
 
 SLIMMER = 0.04
@@ -65,7 +65,7 @@ class Planner:
 
     def price(self, field, start, steps, kinds):
         """Cost [s] of a path on the search's scale."""
-        return search.price_of(field.distance, field.known, field.frame, *self.body, self.footprint.rear,
+        return pieces.price_of(field.distance, field.known, field.frame, *self.body, self.footprint.rear,
                                np.asarray(start, dtype=float), steps, kinds, self._slim.weights)
 
     def refine(self, field, start, steps, kinds, targets, iterations):
@@ -92,7 +92,7 @@ class Planner:
     def begin(self, field, start, goal, allow_reverse, moving=-1, tolerance=0.0):
         """Set up a plan from ``start`` (3,) to ``goal`` (3,); ``go_on`` then works on it."""
         allow_reverse = allow_reverse and self.settings.min_vel_x < 0.0
-        self._task = (field, np.array(start, dtype=float), self._inside(field, np.asarray(goal, dtype=float)),
+        self._task = (field, np.array(start, dtype=float), self.inside(field, np.asarray(goal, dtype=float)),
                       allow_reverse, moving, max(GOAL_XY, tolerance))
         self._begin_search(self._slim, SLIM_FLOOR, SLIM_TURN_FLOOR)
 
@@ -147,8 +147,8 @@ class Planner:
             best = raw if self.blocked(raw) < 0 else best
         return best
 
-    def _inside(self, field, goal):
-        """The goal, or the point of the way to it that lies well inside the window."""
+    def inside(self, field, goal):
+        """The goal (3,), or the point of the way to it that lies well inside the window."""
         rows, cols = field.distance.shape
         res = field.frame[2]
         low = field.frame[:2] + 0.2

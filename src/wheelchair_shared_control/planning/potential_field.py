@@ -38,12 +38,12 @@ class PotentialField(Navigator):
     def _drive(self, now, odometry, field, user_v, candidates):
         own = self.settings.potential_field
         along, across = self.push(field, odometry.pose)
-        v = min(own.speed_gain * along, self.v_max)
+        v = min(own.speed_gain * along, self.commands.v_max)
         if v < 0.0:
             reverses = user_v is None or user_v <= PUSHING
             v = max(v, self.settings.planner.min_vel_x) if reverses else 0.0
-        w = min(max(own.turn_gain * across, -self.w_max), self.w_max)
-        command = self._limited(v, w)
+        w = min(max(own.turn_gain * across, -self.commands.w_max), self.commands.w_max)
+        command = self.commands.limited(v, w)
         ahead = se2.integrate(odometry.pose, command.v, command.w, SHOWN)
         return self._send(now, command, "", local_plan=ahead)
 
