@@ -51,7 +51,8 @@ class CostmapSnapshot(NamedTuple):
     ``known`` bool: seen, driven over or presumed; ``presumed`` bool: only taken as free because the chair
     started there, nobody has looked, ``doubtful`` bool: that of it which is farther off;
     ``origin`` outer corner of cell [0, 0] in odom [m]; ``stamp`` [s]: oldest of the required sources'
-    newest observations, -inf while one of them has sent nothing.
+    newest observations, -inf while one of them has sent nothing; ``surface`` (rows, columns, 4) int8: the boxes
+    of the lethal cells, see `costmap_surface`.
     """
 
     cost: np.ndarray
@@ -62,13 +63,14 @@ class CostmapSnapshot(NamedTuple):
     stamp: float
     presumed: Optional[np.ndarray] = None
     doubtful: Optional[np.ndarray] = None
+    surface: Optional[np.ndarray] = None
 
 
 def to_grid(snapshot):
     """The snapshot with the values of ``nav_msgs/OccupancyGrid``: 0, 1..98, 99, 100, -1."""
     cells = _WIRE[snapshot.cost]
     cells.setflags(write=False)  # as a grid that came as a message
-    return Grid(cells, snapshot.resolution, snapshot.origin, snapshot.stamp)
+    return Grid(cells, snapshot.resolution, snapshot.origin, snapshot.stamp, snapshot.surface)
 
 
 def _wire_values():
@@ -294,9 +296,11 @@ class Costmap:
         costs(distance, self._known, self.resolution, padded.inscribed_radius, s.inflation_radius,
               s.cost_scaling_factor, s.track_unknown_space, cost)
         measure_to_surface(distance, self._nearest, self._boxes, self.resolution, s.inflation_radius)
+        surface = self._boxes.copy()
+        surface.setflags(write=False)
         stamp = min((self.newest.get(name, -math.inf) for name in self._required), default=float(now))
         return CostmapSnapshot(cost, distance, self._known.astype(bool), self.resolution, self.origin, stamp,
-                               (self._known == PRESUMED) | (self._known == DOUBTFUL), self._known == DOUBTFUL)
+                               (self._known == PRESUMED) | (self._known == DOUBTFUL), self._known == DOUBTFUL, surface)
 
     # --- inside ------------------------------------------------------------------------------------------
 

@@ -1,5 +1,5 @@
 """An occupancy grid in the odom frame, with the values that go over the wire."""
-from typing import NamedTuple, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -13,13 +13,16 @@ class Grid(NamedTuple):
     """Axis-aligned grid of ``nav_msgs/OccupancyGrid`` values.
 
     ``cells`` (rows, columns) int8, row = y, column = x; ``origin`` is the outer corner of cell [0, 0] in
-    odom [m]; ``stamp`` [s] is that of the oldest required observation in it.
+    odom [m]; ``stamp`` [s] is that of the oldest required observation in it. ``surface`` (rows, columns, 4)
+    int8, if the costmap tells it: of each lethal cell the quarters x low, x high, y low, y high that the obstacle
+    in it fills, as `costmap_surface` has them.
     """
 
     cells: np.ndarray
     resolution: float
     origin: Tuple[float, float]
     stamp: float
+    surface: Optional[np.ndarray] = None
 
 
 def cell_centres(grid):

@@ -22,11 +22,15 @@ SLIDE_BELOW = 0.3  # of the command left on its own arc: below, a part of it may
 # m/s: below, a part may pass in any case. A chair that sets off turns before it drives, because only its speed is
 # limited in jerk, and would be held by the swing of its own corners.
 CREEP = 0.1
-# A door of 0.71 m leaves a chair of 0.65 m 3 cm a side, one cell: driven straight on, it may come by this much [m]
-# closer to the ragged edge of the cells than it stands. Turns have no such allowance.
+# A door of 0.71 m leaves a chair of 0.65 m 3 cm a side: driven straight on, it may come by this much [m] closer to
+# the ragged surface than it stands, down to CLOSEST. Turns have no such allowance.
 PASSING = 0.006
+CLOSEST = 0.006
 STRAIGHT = 0.2
-EDGE = 0.012  # m beside the outline: a jamb may begin this much before the centre of its innermost cell
+EDGE = 0.004  # m beside the outline: within it, an obstacle stands in the way straight on
+# of a cell: without the costmap's surface, so far before the edge of a lethal cell an obstacle may begin, for a cell
+# that is filled less than half is left free (`costmap_surface`)
+JUTS = 0.5
 LANE = 0.25  # m beyond the edge within which an obstacle closes the way straight on
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
@@ -34,6 +38,8 @@ GROUND_RESOLUTION = 0.025  # m
 # over and for what must not be entered: a chair that drives back along its own track deviates by a little.
 RIM = 0.05
 NOTHING = np.empty((0, 2))
+NO_SURFACE = np.empty((0, 0, 4), np.int8)
+NO_SURFACE.setflags(write=False)  # as one that came as a message
 
 
 class Verdict(NamedTuple):
@@ -47,15 +53,18 @@ class Verdict(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What stands around the chair, in odom [m, m/s]: still points (n, 2), moving points (m, 2) as they were at
-    ``moving_stamp`` with their velocities (m, 2), and unknown ground (k, 2)."""
+    """What stands around the chair, in odom [m, m/s]: still points (n, 2) and the boxes (n, 4) of what stands there,
+    moving points (m, 2) as they were at ``moving_stamp`` with their velocities (m, 2), and unknown ground (k, 2)."""
 
     still: np.ndarray
+    boxes: np.ndarray
     unknown: np.ndarray
     moving: np.ndarray = NOTHING
     moving_velocity: np.ndarray = NOTHING
     moving_stamp: float = 0.0
-    cell: float = 0.0  # edge of a cell [m]: an obstacle may begin half of it before the centre
+    cells: int = 0  # the first so many of ``still`` are cells, the others readings of the rangers
+    cell: float = 0.0  # edge of a cell [m]: what is a point here may begin half of it before the point
+    jut: float = 0.0  # m: an obstacle in a cell may begin so much before its box
 
 
 class Guard:
@@ -107,16 +116,22 @@ class Guard:
 
         Without a grid the ranges alone.
         """
+        range_points = np.ascontiguousarray(range_points, dtype=float)
         if grid is None:
-            return Scene(np.ascontiguousarray(range_points, dtype=float), NOTHING)
+            return Scene(range_points, _boxes_of(range_points), NOTHING)
         outline_ = self._footprint
-        lethal, unknown = sweep.gather(
-            grid.cells, grid.resolution, float(grid.origin[0]), float(grid.origin[1]),
+        surface = NO_SURFACE if grid.surface is None else grid.surface
+        lethal, boxes, unknown = sweep.gather(
+            grid.cells, surface, grid.resolution, float(grid.origin[0]), float(grid.origin[1]),
             np.asarray(pose, dtype=float), outline_.front, outline_.rear, outline_.half_width,
             max(self._max_range, self._reach), self._reach, self._ground, GROUND_RESOLUTION,
         )
-        scene = Scene(np.concatenate((lethal, range_points)) if len(range_points) else lethal, unknown,
-                      cell=grid.resolution)
+        cells = len(lethal)
+        if len(range_points):
+            lethal = np.concatenate((lethal, range_points))
+            boxes = np.concatenate((boxes, _boxes_of(range_points)))
+        scene = Scene(lethal, boxes, unknown, cells=cells, cell=grid.resolution,
+                      jut=JUTS * grid.resolution if grid.surface is None else 0.0)
         if moving is not None and len(moving.points):
             scene = scene._replace(
                 moving=moving.points, moving_velocity=moving.velocities, moving_stamp=moving.stamp
@@ -206,8 +221,8 @@ class Guard:
         return best
 
     def _obstacles(self, scene, present, pose, acts):
-        """Points (n, 2), velocities (n, 2), kinds (n,): 0 still, 1 moving, 2 unknown, 3 unknown ahead; half
-        a cell [m]; whether the way straight back and straight on is closed."""
+        """Points (n, 2), their boxes (n, 4), velocities (n, 2), kinds (n,): 0 still, 1 moving, 2 unknown, 3 unknown
+        ahead; what each may jut out [m]; whether the way straight back and straight on is closed; the cells' jut."""
         if len(scene.unknown):
             # ahead of the chair as it stands now: what it reaches before the command acts was ahead, too
             dx, dy = scene.unknown[:, 0] - present[0], scene.unknown[:, 1] - present[1]
@@ -220,23 +235,25 @@ class Guard:
             travelled = min(max(acts - scene.moving_stamp, 0.0), self._settings.moving_horizon)
             moved = scene.moving + scene.moving_velocity * travelled
         box = self._footprint
-        still = scene.still[
-            sweep.within(scene.still, pose, box.front, box.rear, box.half_width, self._reach)
-        ]
+        near = sweep.within(scene.still, pose, box.front, box.rear, box.half_width, self._reach)
+        still = scene.still[near]
         points = np.concatenate((still, moved, scene.unknown))
+        boxes = np.concatenate((scene.boxes[near], _boxes_of(moved), _boxes_of(scene.unknown)))
+        juts = np.full(len(points), 0.5 * scene.cell)
+        juts[: np.count_nonzero(near[: scene.cells])] = scene.jut
         velocities = np.zeros_like(points)
         velocities[len(still) : len(still) + len(moved)] = scene.moving_velocity
         kinds = np.concatenate((np.zeros(len(still), int), np.ones(len(moved), int), unknown_kinds))
-        solid = points[: len(still) + len(moved)]
+        solid = boxes[: len(still) + len(moved)]
+        lane = box.half_width + EDGE + scene.jut
         way_closed = [
-            sweep.way_is_closed(solid, pose, forward, LANE, box.front, box.rear, box.half_width + EDGE)
-            for forward in (False, True)
+            sweep.way_is_closed(solid, pose, forward, LANE, box.front, box.rear, lane) for forward in (False, True)
         ]
-        return points, velocities, kinds, 0.5 * scene.cell, way_closed
+        return points, boxes, velocities, kinds, juts, way_closed, scene.jut
 
     def _hit(self, command, pose, v, w, obstacles):
         """Index of the first obstacle that the braking sweep of ``command`` meets, or None."""
-        points, velocities, kinds, half_cell, way_closed = obstacles
+        _, boxes, velocities, kinds, juts, way_closed, jut = obstacles
         settings, box = self._settings, self._footprint
         poses, times = sweep.brake(
             pose, v, w, command.v, command.w, self._period, settings.deceleration, settings.turn_deceleration,
@@ -248,20 +265,20 @@ class Guard:
         if command.v != 0.0 and way_closed[1 if command.v > 0.0 else 0]:
             turning = 1.0
         margin = (
-            half_cell + settings.margin + settings.margin_turning * turning
+            juts + settings.margin + settings.margin_turning * turning
             + settings.margin_per_speed * math.hypot(command.v, swing)
         )
         margins = np.where(kinds == 0, margin, np.where(kinds == 1, margin + settings.moving_margin, 0.0))
         if abs(command.v) <= settings.unknown_speed:
             margins[kinds == 3] = -math.inf
         index, _ = sweep.first_violation(
-            poses, times, points, velocities, margins, PASSING if turning < STRAIGHT else 0.0,
-            settings.moving_horizon, box.front, box.rear, box.half_width, RIM,
+            poses, times, boxes, velocities, margins, PASSING if turning < STRAIGHT else 0.0,
+            CLOSEST + jut, settings.moving_horizon, box.front, box.rear, box.half_width, RIM,
         )
         return None if index < 0 else index
 
     def _describe(self, index, obstacles, pose):
-        points, kinds = obstacles[0], obstacles[2]
+        points, kinds = obstacles[0], obstacles[3]
         dx, dy = points[index] - pose[:2]
         x = math.cos(pose[2]) * dx + math.sin(pose[2]) * dy
         y = math.cos(pose[2]) * dy - math.sin(pose[2]) * dx
@@ -274,3 +291,8 @@ class Guard:
         distance = max(sweep.signed_distance(x, y, box.front, box.rear, box.half_width), 0.0)
         what = ("obstacle", "something moving", "unknown ground", "unknown ground")[kinds[index]]
         return "%s %.2f m %s" % (what, distance, where)
+
+
+def _boxes_of(points):
+    """Boxes (n, 4) without extent at ``points`` (n, 2)."""
+    return np.repeat(points, 2, axis=1)
