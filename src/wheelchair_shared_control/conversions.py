@@ -7,7 +7,7 @@ import numpy as np
 
 from wheelchair_shared_control.camera import Camera
 from wheelchair_shared_control.errors import Error
-from wheelchair_shared_control.grid import Grid
+from wheelchair_shared_control.grid import LETHAL, Grid
 from wheelchair_shared_control.values import Doorway, Odometry, Twist
 
 
@@ -18,7 +18,12 @@ class ConversionError(Error):
 DEPTH_ENCODINGS = {"32FC1": "f4", "16UC1": "u2"}
 # sensor_msgs/PointField datatypes
 POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-FLOAT32 = 7
+FLOAT32, UINT32 = 7, 6
+# one lethal cell of a costmap's surface: middle and half sizes [m] of the box that the obstacle in it fills, and the
+# cell's number, row by row, in the grid of the same stamp
+SURFACE = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("half_x", "<f4"), ("half_y", "<f4"), ("cell", "<u4")])
+# quarters of a cell that a box may reach out of its cell, see `costmap_surface`
+BOX_LOW, BOX_HIGH = -4, 7
 
 
 # ---- time ----------------------------------------------------------------------------------------------
@@ -313,7 +318,7 @@ def updated_grid(grid, message):
         message.height, message.width
     )
     cells.setflags(write=False)
-    return grid._replace(cells=cells, stamp=seconds(message.header.stamp))
+    return grid._replace(cells=cells, stamp=seconds(message.header.stamp), surface=None)
 
 
 def fill_grid(message, grid):
@@ -323,6 +328,64 @@ def fill_grid(message, grid):
     fill_pose(message.info.origin, (grid.origin[0], grid.origin[1], 0.0))
     message.data = cells_data(grid.cells)
     return message
+
+
+def fill_surface(message, grid, point_field):
+    """Set a ``sensor_msgs/PointCloud2`` to the ``surface`` of ``grid``, lethal cells only; the header is the caller's.
+
+    ``point_field`` is the PointField class.
+    """
+    rows, columns = np.nonzero(grid.cells == LETHAL)
+    boxes = grid.surface[rows, columns].astype(float)
+    quarter = 0.25 * grid.resolution
+    points = np.zeros(len(rows), SURFACE)
+    for axis, at in enumerate((columns, rows)):
+        low, high = boxes[:, 2 * axis], boxes[:, 2 * axis + 1] + 1.0
+        points["xy"[axis]] = grid.origin[axis] + (4.0 * at + 0.5 * (low + high)) * quarter
+        points[("half_x", "half_y")[axis]] = 0.5 * (high - low) * quarter
+    points["cell"] = rows * grid.cells.shape[1] + columns
+    message.height, message.width = 1, len(points)
+    message.fields = [
+        point_field(name, SURFACE.fields[name][1], UINT32 if name == "cell" else FLOAT32, 1) for name in SURFACE.names
+    ]
+    message.is_bigendian, message.is_dense = False, True
+    message.point_step, message.row_step = SURFACE.itemsize, SURFACE.itemsize * len(points)
+    message.data = points.tobytes()
+    return message
+
+
+def surface_of(message, grid):
+    """``surface`` (rows, columns, 4) int8 for ``grid`` of such a message: outward to whole quarters of a cell.
+
+    Where a cell has no box, or one that does not belong to it, it is whole. Raises ConversionError.
+    """
+    fields = {field.name: (field.offset, field.datatype) for field in message.fields}
+    expected = {name: (SURFACE.fields[name][1], UINT32 if name == "cell" else FLOAT32) for name in SURFACE.names}
+    if fields != expected or message.is_bigendian or message.point_step != SURFACE.itemsize:
+        raise ConversionError("surface: fields must be %s, little-endian" % ", ".join(SURFACE.names))
+    if len(message.data) != message.point_step * message.width * message.height:
+        count = message.width * message.height
+        raise ConversionError("surface: %d bytes do not hold %d boxes" % (len(message.data), count))
+    points = np.frombuffer(message.data, SURFACE)
+    rows, columns = grid.cells.shape
+    surface = np.empty((rows, columns, 4), np.int8)
+    surface[:] = (0, 3, 0, 3)
+    points = points[points["cell"] < rows * columns]
+    row, column = np.divmod(points["cell"].astype(int), columns)
+    boxes = np.empty((len(points), 4))
+    quarter = 0.25 * grid.resolution
+    for axis, at in enumerate((column, row)):
+        half = points[("half_x", "half_y")[axis]].astype(float)
+        middle = points["xy"[axis]].astype(float) - grid.origin[axis] - grid.resolution * at
+        # a thousandth of a cell is rounding
+        boxes[:, 2 * axis] = np.floor((middle - half) / quarter + 0.004)
+        boxes[:, 2 * axis + 1] = np.ceil((middle + half) / quarter - 0.004) - 1.0
+    low, high = boxes[:, 0::2], boxes[:, 1::2]
+    # false for what is not finite
+    own = ((low >= BOX_LOW) & (high <= BOX_HIGH) & (low <= high)).all(axis=1)
+    surface[row[own], column[own]] = boxes[own].astype(np.int8)
+    surface.setflags(write=False)
+    return surface
 
 
 class _Writable(np.ndarray):

@@ -173,9 +173,13 @@ def test_drives_through_a_narrow_door():
 
 
 def test_passes_a_door_that_leaves_three_centimetres():
-    """0.71 m: cells' centres at y +-0.3625 and, ragged, some at +-0.3375; the chair's sides at +-0.325."""
+    """0.71 m: cells from y +-0.35 and, ragged, some from +-0.325, whose surface lies at 0.34375; the chair's sides
+    at +-0.325."""
     door = filled(filled(empty(), (0.9, 1.0), (-3.0, -0.35)), (0.9, 1.0), (0.35, 3.0))
-    door = filled(door, (0.95, 0.975), (0.325, 0.35))
+    ragged = filled(empty(), (0.95, 0.975), (0.325, 0.35)).cells == 100
+    surface = np.tile(np.array([0, 3, 0, 3], np.int8), (SIZE, SIZE, 1))
+    surface[ragged, 2] = 3
+    door = door._replace(cells=np.where(ragged, 100, door.cells).astype(np.int8), surface=surface)
     chair = Chair(door)
     states = chair.drive(Twist(0.2, 0.0), 10.0)
     assert chair.pose[0] > 1.5 and STOPPED not in states
@@ -411,8 +415,8 @@ def test_no_obstacle_is_overlooked_between_the_poses():
         points = rng.uniform(-1.5, 1.5, (60, 2))
         margin = 0.05
         index, pose = sweep.first_violation(
-            poses, times, points, np.zeros((60, 2)), np.full(60, margin), 0.0, 1.0, CHAIR.front, CHAIR.rear,
-            CHAIR.half_width, 0.05,
+            poses, times, np.repeat(points, 2, axis=1), np.zeros((60, 2)), np.full(60, margin), 0.0, 0.0, 1.0,
+            CHAIR.front, CHAIR.rear, CHAIR.half_width, 0.05,
         )
         all_ = np.array([
             [sweep.nearest(p[None], *q, CHAIR.front, CHAIR.rear, CHAIR.half_width) for p in points] for q in poses

@@ -139,12 +139,15 @@ def test_the_planner_alone_hears_no_user():
 
 
 def test_a_chair_has_no_simulator_and_its_topics_are_arguments():
-    nodes, _ = load("shared_control.launch", "odom:=/base/odom", "cmd_vel:=/base/cmd_vel", "ranges:=sonar")
+    nodes, _ = load("shared_control.launch", "odom:=/base/odom", "cmd_vel:=/base/cmd_vel", "ranges:=sonar",
+                    "costmap:=map")
     assert not {"simulator", "simulated_user"} & set(nodes)
     remaps = dict(nodes["blender"].remap_args)
     assert remaps["odom"] == "/base/odom"
     assert remaps["cmd_vel"] == "/base/cmd_vel"
     assert remaps["ir/left_rear"] == "sonar/left_rear"
+    for suffix in ("", "_updates", "_surface"):
+        assert remaps["move_base/local_costmap/costmap" + suffix] == "map" + suffix
     # The planner never reaches the base by itself.
     assert dict(nodes["move_base"].remap_args)["cmd_vel"] == "planner/cmd_vel"
 
