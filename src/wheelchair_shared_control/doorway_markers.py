@@ -37,5 +37,5 @@ def shapes(doorway, height):
     start = (x - back * float(np.cos(yaw)), y - back * float(np.sin(yaw)), 0.05)
     result.append(Shape("way", ARROW, start, yaw, (1.5, 0.06, 0.06), WAY))
     text = "%.2f m, %.0f %%" % (doorway.width, 100.0 * doorway.confidence)
-    result.append(Shape("label", TEXT, (x, y, height + 0.25), 0.0, (0.0, 0.0, 0.18), LABEL, text))
+    result.append(Shape("label", TEXT, (x, y, height + 0.25), 0.0, (0.0, 0.0, 0.2), LABEL, text))
     return tuple(result)

@@ -10,6 +10,7 @@ from wheelchair_shared_control.guard import DEGRADED, FREE, SLOWED, STOPPED
 ARROW, CUBE, SPHERE, TEXT, TRIANGLES = 0, 1, 2, 9, 11  # visualization_msgs/Marker types
 USER, PLANNER, BLENDED = (0.15, 0.35, 0.95, 1.0), (0.1, 0.65, 0.25, 1.0), (0.95, 0.55, 0.05, 1.0)
 TRIANGLE = (0.35, 0.55, 1.0, 0.35)
+WRITING = (0.05, 0.05, 0.1, 1.0)  # dark: floor, walls and background are light
 GREY = (0.55, 0.55, 0.55, 0.6)
 GUARD_COLOURS = {SLOWED: (0.98, 0.75, 0.1, 1.0), STOPPED: (0.9, 0.1, 0.1, 1.0), DEGRADED: (0.7, 0.2, 0.8, 1.0)}
 HORIZON = 1.5  # s: length of an arrow over its speed
@@ -84,7 +85,7 @@ def _share_bar(state, footprint):
     return [
         Shape(names[0], CUBE, ((x, left - 0.5 * user, height),), (0.1, user, 0.1), USER),
         Shape(names[1], CUBE, ((x, left - user - 0.5 * planner, height),), (0.1, planner, 0.1), PLANNER),
-        Shape(names[2], TEXT, ((x, 0.0, height + 0.2),), (0.0, 0.0, 0.15), USER, "user %.0f %%" % (100.0 * beta)),
+        Shape(names[2], TEXT, ((x, 0.0, height + 0.35),), (0.0, 0.0, 0.2), WRITING, "user %.0f %%" % (100.0 * beta)),
     ]
 
 
