@@ -5,7 +5,8 @@ import numpy as np
 
 ARROW, CUBE, TEXT = 0, 1, 9  # visualization_msgs/Marker types
 FRAME_WIDTH = 0.06  # m
-JAMB, WAY, LABEL = (0.10, 0.65, 0.30, 0.9), (0.10, 0.65, 0.30, 0.7), (1.0, 1.0, 1.0, 1.0)
+JAMB, WAY = (0.10, 0.65, 0.30, 0.9), (0.10, 0.65, 0.30, 0.7)
+LABEL = (0.05, 0.05, 0.1, 1.0)  # dark: floor, walls and background are light
 
 
 class Shape(NamedTuple):
