@@ -2,6 +2,8 @@
 
 ROS 1 bags (format 2.0, plain, bz2, lz4) and ROS 2 bags, by the library ``rosbags``; no ROS needed.
 """
+import hashlib
+import os
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,18 +13,54 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from wheelchair_shared_control.errors import Error
 
+METADATA = "metadata.yaml"  # what makes a directory a ROS 2 bag
+# the first bytes of the storages of ROS 2 bags: sqlite3 and mcap
+ROSBAG2_MAGICS = (b"SQLite format 3", b"\x89MCAP0")
+
 
 class BagError(Error):
     """A bag cannot be read, or does not hold what is needed."""
+
+
+def expand(paths):
+    """Paths of bags: files and directories of a ROS 2 bag as they are, of other directories the bags inside.
+
+    Raises BagError where a directory holds none.
+    """
+    found = []
+    for path in map(Path, paths):
+        # os.path: a place that must not be looked at is no error yet, the bag's reader will say so
+        if not os.path.isdir(path) or os.path.exists(path / METADATA):
+            found.append(path)
+            continue
+        try:
+            names = sorted(os.listdir(path))
+        except OSError as error:
+            raise BagError("%s: cannot be read: %s" % (path, error.strerror))
+        inside = [path / name for name in names if name.endswith(".bag") or os.path.exists(path / name / METADATA)]
+        if not inside:
+            raise BagError("%s: holds no .bag, and no %s of a ROS 2 bag" % (path, METADATA))
+        found += inside
+    return found
+
+
+def sha256(path):
+    """SHA-256 (hexadecimal) of a bag's bytes, of a ROS 2 bag's files in the order of their names."""
+    digest = hashlib.sha256()
+    for part in [path] if path.is_file() else sorted(p for p in path.iterdir() if p.is_file()):
+        with open(str(part), "rb") as stream:
+            for block in iter(lambda: stream.read(1 << 20), b""):
+                digest.update(block)
+    return digest.hexdigest()
 
 
 @contextmanager
 def open_bag(path):
     """A ``Bag`` for reading, closed at the end. Raises BagError that names the file."""
     path = Path(path)
-    if not path.exists():
-        raise BagError("%s: no such file" % path)
     try:
+        if not path.exists():
+            raise BagError("%s: no such file" % path)
         if path.is_dir():
             reader = _Rosbag2(path)
         else:
@@ -30,6 +68,8 @@ def open_bag(path):
             reader = _Rosbag1(path)
     except BagError:
         raise
+    except PermissionError as error:
+        raise BagError("%s: cannot be read: %s" % (path, error.strerror))
     except Exception as error:
         # the library meets damage with errors of every kind, bare assertions among them
         raise BagError("%s: %s" % (path, _reason(error)))
@@ -104,8 +144,8 @@ class _Rosbag2:
     """A directory with metadata.yaml."""
 
     def __init__(self, path):
-        if not (path / "metadata.yaml").exists():
-            raise BagError("%s: is a directory without metadata.yaml: no ROS 2 bag" % path)
+        if not (path / METADATA).exists():
+            raise BagError("%s: is a directory without %s: no ROS 2 bag" % (path, METADATA))
         self._reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         self._reader.open()
         self.connections = self._reader.connections
@@ -123,6 +163,8 @@ class _Rosbag2:
 
 def _refuse_by_magic(path):
     """Say what a file is that the library would only call invalid."""
+    if not path.is_file():
+        raise BagError("%s: is no regular file" % path)
     try:
         with open(str(path), "rb") as stream:
             magic = stream.read(16)
@@ -130,6 +172,8 @@ def _refuse_by_magic(path):
         raise BagError("%s: cannot be read: %s" % (path, error.strerror))
     if not magic:
         raise BagError("%s: is empty" % path)
+    if magic.startswith(ROSBAG2_MAGICS):
+        raise BagError("%s: is a part of a ROS 2 bag: name the directory that holds it and its metadata.yaml" % path)
     if not magic.startswith(b"#ROSBAG V") and not magic.startswith(b"#ROSRECORD V"):
         raise BagError("%s: is no bag" % path)
     if not magic.startswith(b"#ROSBAG V2.0"):
@@ -146,4 +190,5 @@ def _reason(error):
     kind = type(error).__name__
     if kind in ("ReaderError", "AnyReaderError") and text:
         return text
-    return "is damaged or not as rosbags expects it (%s%s)" % (kind, ": " + text if text else "")
+    return "is damaged or not as the library rosbags expects it (%s%s); 'rosbag reindex' may mend a bag of ROS 1" % (
+        kind, ": " + text if text else "")

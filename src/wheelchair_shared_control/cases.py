@@ -4,15 +4,14 @@ A situation is (d_l, d_f, d_r, v, goal_distance, goal_bearing), a command (v, w)
 goal of a demonstration is known in hindsight only: it was driven without assistance. The doorway is where the chair had
 least room to both sides, the goal lies 1 m beyond, as the assistance puts it. File: a NumPy archive without pickle.
 """
-import io
 import json
-import zipfile
 from typing import NamedTuple
 
 import numpy as np
 
-from wheelchair_shared_control import command_line, demonstrations, parameters, se2
+from wheelchair_shared_control import demonstrations, number_archive, parameters, se2
 from wheelchair_shared_control.errors import Error
+from wheelchair_shared_control.number_archive import ArchiveError
 
 FORMAT, VERSION = "wheelchair_shared_control/cases", 1
 SITUATION = ("d_l", "d_f", "d_r", "v", "goal_distance", "goal_bearing")
@@ -20,6 +19,8 @@ COMMAND = ("v", "w")
 MIRROR = (2, 1, 0, 3, 4, 5)  # left and right change places, and the last number its sign
 BEYOND = 1.0  # m, from the door's plane to the goal
 NARROW = 0.08  # m: with so much more room to both sides than at the narrowest the chair still is in the doorway
+# entry -> (kinds of dtype, shape); N cases
+ENTRIES = {"header": ("U", ()), "situations": ("f", ("N", 6)), "commands": ("f", ("N", 2))}
 FILE_LIMIT = 20e6  # bytes, packed and unpacked
 
 
@@ -91,19 +92,10 @@ def save(path, cases):
         "format": FORMAT, "version": VERSION, "situation": SITUATION, "command": COMMAND,
         "provenance": cases.provenance,
     }
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, array in (
-            ("header", np.array(json.dumps(header, sort_keys=True))),
-            ("situations", np.asarray(cases.situations, "<f4")), ("commands", np.asarray(cases.commands, "<f4")),
-        ):
-            content = io.BytesIO()
-            np.lib.format.write_array(content, array, allow_pickle=False)
-            # a fixed date: the same cases are the same file
-            entry = zipfile.ZipInfo(name + ".npy", (1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, content.getvalue())
-    command_line.write_atomically(path, packed.getvalue())
+    number_archive.write(path, {
+        "header": np.array(json.dumps(header, sort_keys=True)),
+        "situations": np.asarray(cases.situations, "<f4"), "commands": np.asarray(cases.commands, "<f4"),
+    })
 
 
 def load(path):
@@ -111,38 +103,23 @@ def load(path):
     if path == "shipped":
         path = parameters.package_file("config/models/cases.npz")
     try:
-        return _checked(_read(path))
-    except CasesError as error:
+        return _checked(number_archive.read(path, ENTRIES, FILE_LIMIT, "file of cases"))
+    except (ArchiveError, CasesError) as error:
         raise CasesError("%s: %s" % (path, error))
-    except OSError as error:
-        raise CasesError("%s: cannot be read: %s" % (path, error.strerror or error))
-    except Exception as error:  # archive and array parsers raise errors of many kinds on damaged bytes
-        raise CasesError("%s: is no file of cases: %s" % (path, " ".join(str(error).split()) or "damaged"))
-
-
-def _read(path):
-    with zipfile.ZipFile(str(path)) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > FILE_LIMIT:
-            raise CasesError("is larger than %.0f MB" % (FILE_LIMIT / 1e6))
-        if sorted(archive.namelist()) != ["commands.npy", "header.npy", "situations.npy"]:
-            raise CasesError("is no file of cases: it holds %s" % ", ".join(archive.namelist()))
-        return {
-            name[:-4]: np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
-            for name in archive.namelist()
-        }
 
 
 def _checked(arrays):
-    header = json.loads(str(arrays["header"]))
+    try:
+        header = json.loads(str(arrays["header"]))
+    except (ValueError, RecursionError) as error:
+        raise CasesError("has a damaged header: %s" % error)
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise CasesError("is no file of cases of this package")
     if header.get("version") != VERSION:
         raise CasesError("has version %r: this package reads version %d" % (header.get("version"), VERSION))
     situations, commands = arrays["situations"], arrays["commands"]
-    if situations.ndim != 2 or situations.shape[1] != 6 or commands.shape != (len(situations), 2):
-        raise CasesError("holds situations %s and commands %s" % (situations.shape, commands.shape))
-    if not len(situations) or situations.dtype.kind != "f" or commands.dtype.kind != "f":
-        raise CasesError("holds no cases")
+    if not len(situations) or len(situations) != len(commands):
+        raise CasesError("holds %d situations and %d commands" % (len(situations), len(commands)))
     if not (np.isfinite(situations).all() and np.isfinite(commands).all()):
         raise CasesError("holds numbers that are not finite")
     return Cases(situations, commands, header.get("provenance", {}))

@@ -104,8 +104,6 @@ def read(path, settings, topics=None, source="auto", navigation=None):
         if source == "auto":
             source = "recorded" if topics["features"] in bag.topics else "raw"
         log = read_log(bag, topics)
-        if not len(log.odometry):
-            raise BagError("%s: no usable odometry on topic '%s'" % (path, topics["odom"]))
         if source == "recorded":
             stamps, distances = _recorded_features(bag, topics)
             notes = ()
@@ -250,8 +248,9 @@ def _recorded_features(bag, topics):
 
 
 def read_log(bag, topics):
+    """``Log`` of an open bag. Raises BagError where it has no odometry, or messages of other types."""
     odometry, sent, user, assisting, offsets, base_frame = [], [], [], [], [], "base_link"
-    malformed = 0
+    malformed = []
     for topic, kind, time, message in bag.messages([topics[name] for name in ("odom", "cmd_vel", "user",
         "assistance")]):
         if topic == topics["odom"]:
@@ -259,8 +258,8 @@ def read_log(bag, topics):
                 raise BagError("%s: topic '%s' is %s, not nav_msgs/Odometry" % (bag.path, topic, kind))
             try:
                 value = conversions.odometry_of(message)
-            except conversions.ConversionError:
-                malformed += 1
+            except conversions.ConversionError as error:
+                malformed.append(str(error))
                 continue
             odometry.append((value.stamp,) + tuple(value.pose) + tuple(value.twist))
             offsets.append(value.stamp - time)
@@ -274,19 +273,25 @@ def read_log(bag, topics):
             command = conversions.twist_of(twist)
             if np.isfinite(command).all():
                 (sent if topic == topics["cmd_vel"] else user).append((time,) + tuple(Twist(*command)))
+    if not odometry:
+        raise BagError("%s: no usable odometry on topic '%s'%s" % (
+            bag.path, topics["odom"], ": " + malformed[0] if malformed else ""))
+    table = np.array(odometry)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    if table[0, 0] == table[-1, 0]:
+        raise BagError("%s: the stamps of topic '%s' do not advance: all are %.3f s" % (
+            bag.path, topics["odom"], table[0, 0]))
     # commands carry no stamp: their time of recording, moved to the clock of the stamps where that is another
-    offset = float(np.median(offsets)) if offsets else 0.0
+    offset = float(np.median(offsets))
     if abs(offset) < 0.5:
         offset = 0.0
     notes = []
     if malformed:
-        notes.append("%d odometry messages are malformed" % malformed)
+        notes.append("%d odometry messages are malformed, the first one: %s" % (len(malformed), malformed[0]))
     if offset:
         notes.append("stamps and times of recording differ by %.1f s: commands are moved by that" % offset)
     if topics["cmd_vel"] not in bag.topics and not user:
         notes.append("no commands on '%s': every motion counts as the driver's" % topics["cmd_vel"])
-    table = np.array(odometry).reshape(-1, 6)
-    table = table[np.argsort(table[:, 0], kind="stable")]
     states = np.array(assisting).reshape(-1, 2)
     states[:, 0] += offset
     return Log(table, base_frame, _commands(sent, offset), _commands(user, offset), states, tuple(notes))

@@ -128,6 +128,9 @@ class _Replay:
         if pose is None or self._too_soon("scan", stamp):
             return
         angles, ranges, (_, high) = conversions.scan_of(message)
+        if np.isnan(ranges).all():
+            # what is not seen is free in the features: silence must not pass for open space
+            raise conversions.ConversionError("laser scan: holds no valid reading")
         base_from_scan = self._frames.base_from(message.header.frame_id)
         if base_from_scan is None:
             self._notes["no transform to the laser's frame '%s': taken to sit at %s" % (

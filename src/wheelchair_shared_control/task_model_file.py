@@ -3,14 +3,13 @@
 Nothing in it can be executed (no pickle), and nothing unknown is accepted: another version, a missing or an
 extra entry, other names or units, a wrong shape, numbers that are no mixture.
 """
-import io
 import json
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
-from wheelchair_shared_control import command_line, parameters
+from wheelchair_shared_control import number_archive, parameters
+from wheelchair_shared_control.number_archive import ArchiveError
 from wheelchair_shared_control.task_model import NAMES, UNITS, VARIANCES, TaskModel, TaskModelError, Training
 
 FORMAT = "wheelchair_shared_control/task_model"
@@ -28,7 +27,7 @@ ENTRIES = {
     "bag_index": ("iu", ("N",)),
 }
 HEADER = ("format", "version", "names", "units", "components", "density_quantiles", "provenance")
-FLOAT_SIZES = (4, 8)  # bytes
+BAG_TEXTS = ("file", "sha256")  # what a bag's entry must hold
 FILE_LIMIT = 50e6  # bytes, packed and unpacked: a model is some 100 kB
 COMPONENT_LIMIT = 100
 
@@ -47,8 +46,8 @@ def load(path, variance="paper"):
     """``TaskModel`` of a file or of a shipped set. Raises TaskModelError that names the file."""
     path = locate(path)
     try:
-        return _model(_read(path), variance)
-    except TaskModelError as error:
+        return _model(number_archive.read(path, ENTRIES, FILE_LIMIT, "task model"), variance)
+    except (ArchiveError, TaskModelError) as error:
         raise TaskModelError("%s: %s" % (path, error))
 
 
@@ -70,7 +69,7 @@ def save(path, model):
     ranges = np.zeros((2, len(NAMES)))
     if len(samples):
         ranges[:] = samples.min(axis=0), samples.max(axis=0)
-    arrays = {
+    number_archive.write(path, {
         "header": np.array(json.dumps(header, sort_keys=True)),
         "weights": model.weights.astype("<f8"),
         "means": model.means.astype("<f8"),
@@ -79,65 +78,7 @@ def save(path, model):
         "ranges": ranges.astype("<f8"),
         "samples": samples,
         "bag_index": np.asarray(training.bag_index, dtype="<i4"),
-    }
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, array in arrays.items():
-            content = io.BytesIO()
-            np.lib.format.write_array(content, array, allow_pickle=False)
-            # a fixed date: the same model is the same file
-            entry = zipfile.ZipInfo(name + ".npy", (1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, content.getvalue())
-    command_line.write_atomically(path, packed.getvalue())
-
-
-def _read(path):
-    """Arrays by entry, of known kinds and shapes."""
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise TaskModelError("cannot be read: %s" % (error.strerror or error))
-    if path.is_dir():
-        raise TaskModelError("is a directory, not a model file")
-    if size > FILE_LIMIT:
-        raise TaskModelError("is %.0f MB large: a model has at most %.0f MB" % (size / 1e6, FILE_LIMIT / 1e6))
-    try:
-        with zipfile.ZipFile(str(path)) as archive:
-            unpacked = sum(entry.file_size for entry in archive.infolist())
-            if unpacked > FILE_LIMIT:
-                raise TaskModelError("unpacks to %.0f MB: a model has at most %.0f MB" % (unpacked / 1e6,
-                    FILE_LIMIT / 1e6))
-            names = [entry.filename for entry in archive.infolist()]
-            expected = [name + ".npy" for name in ENTRIES]
-            for name in names:
-                if name not in expected or names.count(name) > 1:
-                    raise TaskModelError("is no task model: entry '%s' is unknown or double" % name)
-            for name in expected:
-                if name not in names:
-                    raise TaskModelError("is no task model: entry '%s' is missing" % name[:-4])
-            return {name: _entry(archive, name) for name in ENTRIES}
-    except TaskModelError:
-        raise
-    except PermissionError as error:
-        raise TaskModelError("cannot be read: %s" % error.strerror)
-    except (OSError, ValueError, EOFError, RuntimeError, NotImplementedError, zipfile.BadZipFile) as error:
-        raise TaskModelError("is no task model: %s" % (" ".join(str(error).split()) or "it is damaged"))
-    except Exception as error:
-        # zlib and the archive's own parsers raise errors of many kinds on damaged bytes
-        raise TaskModelError("is damaged: %s" % " ".join(str(error).split()))
-
-
-def _entry(archive, name):
-    kinds, shape = ENTRIES[name]
-    with archive.open(name + ".npy") as stream:
-        array = np.lib.format.read_array(io.BytesIO(stream.read()), allow_pickle=False)
-    fits = array.ndim == len(shape) and all(
-        isinstance(wanted, str) or wanted == found for wanted, found in zip(shape, array.shape)
-    )
-    if array.dtype.kind not in kinds or (kinds == "f" and array.dtype.itemsize not in FLOAT_SIZES) or not fits:
-        raise TaskModelError("entry '%s' is %s %s, not %s" % (name, array.dtype, array.shape, shape))
-    return array
+    })
 
 
 def _model(arrays, variance):
@@ -157,6 +98,9 @@ def _model(arrays, variance):
     bags = header["provenance"].get("bags", [])
     if not isinstance(bags, list) or not all(isinstance(bag, dict) for bag in bags):
         raise TaskModelError("has a provenance whose bags are no list of entries")
+    for bag in bags:
+        if not all(isinstance(bag.get(key), str) for key in BAG_TEXTS):
+            raise TaskModelError("has a provenance with a bag without %s" % " and ".join(BAG_TEXTS))
     index = arrays["bag_index"]
     if len(index) and not 0 <= index.min() <= index.max() < len(bags):
         raise TaskModelError("has samples of bag %d to %d and names %d bags" % (index.min(), index.max(), len(bags)))

@@ -131,7 +131,8 @@ def bic(model, samples):
 def calibrate(samples, bag_index, components, settings, seed, progress=iter):
     """``Calibration`` with each bag left out in turn, or None where there is only one bag.
 
-    ``components`` is a number. ``progress`` wraps the sequence of bags.
+    ``components`` is a number. ``progress`` wraps the sequence of bags. Raises TaskModelError where too few samples
+    are left.
     """
     samples, bag_index = np.asarray(samples, dtype=float), np.asarray(bag_index)
     bags = np.unique(bag_index)
@@ -141,7 +142,11 @@ def calibrate(samples, bag_index, components, settings, seed, progress=iter):
     within = np.empty((len(samples), 3), bool)
     for bag in progress(bags):
         held = bag_index == bag
-        model = fit(samples[~held], components, in_short(settings), seed)
+        try:
+            model = fit(samples[~held], components, in_short(settings), seed)
+        except TaskModelError as error:
+            raise TaskModelError("leaving out part %d of %d to judge the fit: %s" % (
+                np.searchsorted(bags, bag) + 1, len(bags), error))
         distribution[held] = model.signed_distribution(samples[held, :INPUTS], signed(samples[held]))
         log_density[held] = model.joint_log_density(samples[held])
         within[held] = within_sigma(model, samples[held])

@@ -249,7 +249,7 @@ def test_the_library_s_bare_assertion_becomes_a_line(tmp_path, monkeypatch):
         raise AssertionError
 
     monkeypatch.setattr(bags.Reader, "open", fail)
-    with pytest.raises(BagError, match="damaged or not as rosbags expects it .AssertionError.$"):
+    with pytest.raises(BagError, match="not as the library rosbags expects it .AssertionError.; 'rosbag reindex'"):
         read(path)
 
 
@@ -290,7 +290,7 @@ def test_train_writes_no_model_of_bags_that_say_nothing(tmp_path):
     (tmp_path / "bad.bag").write_bytes(b"#ROSBAG V2.0\nrubbish")
     done = train(tmp_path / "bad.bag", "--output", tmp_path / "model.npz")
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 2  # the bag's line, and that no model is written
+    assert len(done.stderr.strip().splitlines()) == 1 and "bad.bag" in done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.bag"]
 
 
