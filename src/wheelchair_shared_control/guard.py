@@ -37,6 +37,8 @@ GROUND_RESOLUTION = 0.025  # m
 # The outline is taken smaller by this much [m] where unknown ground is concerned, both for what counts as driven
 # over and for what must not be entered: a chair that drives back along its own track deviates by a little.
 RIM = 0.05
+# s: older odometry, which stops the chair anyway, is taken for so old (a stamp of 0 would be played through for ever)
+LONGEST_COAST = 1.0
 NOTHING = np.empty((0, 2))
 NO_SURFACE = np.empty((0, 0, 4), np.int8)
 NO_SURFACE.setflags(write=False)  # as one that came as a message
@@ -161,7 +163,7 @@ class Guard:
         sent = np.array(self._sent, dtype=float).reshape(-1, 3)
         pose, v, w = sweep.coast(
             np.asarray(odometry.pose, dtype=float), odometry.twist.v, odometry.twist.w, sent,
-            min(odometry.stamp, now), acts, self._actuation.dead_time, self._actuation.lag,
+            min(max(odometry.stamp, now - LONGEST_COAST), now), acts, self._actuation.dead_time, self._actuation.lag,
         )
         obstacles = self._obstacles(scene, np.asarray(odometry.pose, dtype=float), pose, acts)
         hit = self._hit(command, pose, v, w, obstacles)

@@ -29,16 +29,19 @@ class RangePoints:
         self._taken = np.full(6, -np.inf)  # stamp of the last message used
         self._valid = np.full(6, -np.inf)  # stamp of the last valid reading
         self._points = np.full((6, len(self._angles), 2), np.nan)
+        self._ahead = np.full(6, np.nan)  # stamp of the last message, where it was from the future
 
-    def update(self, ranges, pose):
+    def update(self, ranges, pose, latest=math.inf):
         """Take new readings; ``pose`` (3,) is that of ``base_link`` in odom at their stamps.
 
-        ``ranges.stamp`` is one stamp or six.
+        ``ranges.stamp`` is one stamp or six. A reading stamped after ``latest`` [s] is not taken: it would count as
+        fresh for ever, and every later one as older.
         """
         stamps = np.broadcast_to(np.asarray(ranges.stamp, dtype=float), (6,))
         values = np.asarray(ranges.values, dtype=float)
+        self._ahead = np.where(stamps > latest, stamps, np.nan)
         for i in range(6):
-            if not stamps[i] > self._taken[i]:
+            if not stamps[i] > self._taken[i] or stamps[i] > latest:
                 continue
             self._taken[i] = stamps[i]
             value = values[i]
@@ -56,9 +59,9 @@ class RangePoints:
             self._points[i, :, 1] = pose[1] + sin * x + cos * y
 
     def oldest(self, now):
-        """Name and age [s] of the ranger whose last valid reading is oldest."""
+        """Name and age [s] of the ranger whose last valid reading is oldest; negative if its clock is ahead."""
         i = int(np.argmin(self._valid))
-        return RANGERS[i], now - self._valid[i]
+        return RANGERS[i], now - (self._valid[i] if math.isnan(self._ahead[i]) else self._ahead[i])
 
     def points(self):
         """Points (n, 2) in odom [m] of the readings within range."""

@@ -124,6 +124,7 @@ class SharedControl:
         self._silent = True
         self._by_policy = False
         self._cached = (None, None)
+        self._of_old_clock = {}  # times of arrival by another clock: how old that is, nobody knows
 
     def warm_up(self):
         """Compile (or load) what is compiled, so that the first tick is as fast as any; then forget it."""
@@ -173,6 +174,11 @@ class SharedControl:
         now, limits = inputs.now, self.settings.wheelchair.limits
         if self._last is not None and now < self._last - 1e-9:
             self.reset()  # the clock was set back
+            self._of_old_clock = {name: stamp for name, stamp in _arrivals(inputs) if stamp > now}
+        if self._of_old_clock:
+            inputs = inputs._replace(**{
+                name: NEVER for name, stamp in _arrivals(inputs) if self._of_old_clock.get(name) == stamp
+            })
         if self._started is None:
             self._started = now
         dt = 1.0 / self.settings.rate if self._last is None else min(max(now - self._last, 1e-3), 0.1)
@@ -250,6 +256,8 @@ class SharedControl:
         except blending.PolicyError as error:
             self._end_assistance(str(error))
             return blending.PolicyResult(STOP, None), self._fault
+        if user == STOP and result.command != STOP and self.policy_name != "planner":
+            result = blending.STICK_AT_REST  # a function of one's own that forgot it
         return result, result.reason
 
     def _waits(self, inputs, prediction):
@@ -285,12 +293,12 @@ class SharedControl:
             return _Sensors("odometry is not finite")
         self.guard.stand_on(odometry.pose)
         if inputs.ranges is not None:
-            self._ranges.update(inputs.ranges, odometry.pose)
+            self._ranges.update(inputs.ranges, odometry.pose, inputs.now + limits.ranges)
         ranger, ages["ranges"] = self._ranges.oldest(inputs.now)
         problem = ""
         if abs(ages["odom"]) > limits.odom:
             problem = _too_old("odometry", ages["odom"], limits.odom)
-        elif self.settings.rangers and ages["ranges"] > limits.ranges:
+        elif self.settings.rangers and abs(ages["ranges"]) > limits.ranges:
             problem = _too_old("ranger ir_" + ranger, ages["ranges"], limits.ranges)
         dead = ages["costmap_silence"] > limits.costmap_silence
         if dead and not self._dead_costmap:
@@ -304,8 +312,8 @@ class SharedControl:
             problem = _too_old("costmap", ages["costmap"], limits.costmap)
         grid = None if dead else inputs.grid
         points = self._ranges.points()
-        if grid is not None:
-            self._moving.update(grid)
+        if grid is not None and ages["costmap"] >= -limits.costmap:
+            self._moving.update(grid)  # which passes over all that is older
         scene = self.guard.look(grid, odometry.pose, points, None if grid is None else self._moving)
         clearance = min(self.guard.clearance(scene, odometry.pose), self.settings.max_range)
         return _Sensors(problem, scene, clearance, dead)
@@ -392,6 +400,13 @@ class _Sensors(NamedTuple):
 
 
 _NO_PREDICTION = (math.nan,) * 5
+
+
+def _arrivals(inputs):
+    """What is stamped by its arrival here: (field, time)."""
+    return [
+        (name, getattr(inputs, name)) for name in ("user_stamp", "planner_stamp", "grid_received", "prediction_stamp")
+    ]
 
 
 def _finite(odometry):

@@ -307,6 +307,15 @@ def test_a_policy_of_ones_own_may_return_a_plain_tuple(tmp_path):
     assert state.sent == pytest.approx((0.2, 0.1)) and state.beta == 0.5 and state.reason == "half as fast"
 
 
+def test_a_stick_at_rest_stops_the_chair_also_under_a_policy_that_forgot_it(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text("def lead(tick, memory):\n    return tick.planner, 0.0, 'the planner leads'\n")
+    run = Run("%s:lead" % path)
+    assert moves(run.go(2.0, assistance=ASSISTING)[-1])
+    state = run.go(1.5, user=CENTRE)[-1]
+    assert state.sent == STOP and state.reason == "the stick is at rest"
+
+
 class TestHandOver:
     @pytest.mark.parametrize("after", [ARRIVED, MANUAL])
     def test_arrival_and_cancel_go_through_the_limiter(self, after):
@@ -366,6 +375,51 @@ def test_the_clock_set_back_is_a_new_start():
     run.now = 0.0
     run.stamps.clear()
     assert run.go(2.0)[-1].sent.v == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("policy", ["user", "learned_variance"])
+def test_what_came_before_the_clock_was_set_back_is_never_fresh_again(policy):
+    run = driving(policy, assistance=ASSISTING)
+    run.now = 0.0
+    states = run.go(101.0 + 3.0, dead=["user", "planner", "prediction"])  # beyond the time at which they died
+    assert not any(moves(state) for state in states) and states[-1].reason == "no user's command yet"
+    states = run.go(3.0, dead=["planner", "prediction"])
+    if policy == "user":
+        assert moves(states[-1])
+    else:
+        assert not any(moves(state) for state in states)
+        assert states[-1].fault in ("fault: no planner's command yet", "fault: no task model's answer yet")
+
+
+def test_a_ranger_from_the_future_stops_the_chair_and_hides_nothing_later():
+    run = driving()
+    future = np.full(6, run.now)
+    future[0] += 1000.0
+    states = run.go(1.0, changes={"ranges": Ranges(future, np.full(6, np.inf))})
+    assert states[0].stopped and not moves(states[-1])
+    assert "ranger ir_left_front is stamped" in states[0].reason and "in the future" in states[0].reason
+    near = np.full(6, np.inf)
+    near[0] = 0.35  # 0.2 m beside the edge
+    state = run.go(1.0, ranges=near)[-1]
+    assert not state.stopped and state.clearance == pytest.approx(0.2, abs=0.01)
+    # the same one dies
+    assert "ranger ir_left_front is" in run.go(1.0, changes={"ranges": Ranges(
+        np.r_[run.now, np.full(5, run.now + 1.0)], near)})[-1].reason
+
+
+def test_a_grid_from_the_future_does_not_end_the_following_of_what_moves():
+    run = driving()
+    run.go(0.1, changes={"grid": FREE_GROUND._replace(stamp=run.now + 1000.0)})
+    run.go(0.1)
+    assert run.control._moving.stamp == run.now
+
+
+def test_odometry_without_stamp_stops_a_moving_chair_at_once_on_the_wall_clock():
+    run = Run()
+    run.now = 1.79e9
+    run.go(2.0)
+    states = run.go(1.0, changes={"odometry": Odometry(0.0, np.zeros(3), AHEAD)})
+    assert states[0].stopped and states[0].reason == "no odometry yet" and states[-1].sent == STOP
 
 
 def test_equal_inputs_give_equal_states():
