@@ -76,13 +76,13 @@ def progress(iterable, total=None, label="", done=0):
 
 
 def run(main, argv=None):
-    """Call ``main(argv)``; a failure that the user can mend is one line on stderr and exit code 1."""
+    """Call ``main(argv)``; a failure that the user can mend is one line on stderr and its exit code."""
     name = Path(sys.argv[0]).name
     try:
         return int(main(sys.argv[1:] if argv is None else argv) or 0)
     except Error as error:
         print("%s: %s" % (name, error), file=sys.stderr, flush=True)
-        return 1
+        return error.exit_code
     except KeyboardInterrupt:
         print("%s: interrupted" % name, file=sys.stderr, flush=True)
         return 130

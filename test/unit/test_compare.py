@@ -2,11 +2,15 @@
 import csv
 import io
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from wheelchair_shared_control.experiments import compare, episode, options
+from wheelchair_shared_control import parameters
+from wheelchair_shared_control.experiments import code_version, compare, episode, options, results
+from wheelchair_shared_control.experiments.referee import Verdict
 
 BASE = options.Options()
 
@@ -143,3 +147,76 @@ def test_the_table_leaves_out_what_could_not_start():
     line = compare.table(rows)[0]
     assert (line["n"], line["crossed"].value, line["contact"].value) == (2, 0.5, 0.5)
     assert "50.0" in compare.markdown([line])
+
+
+def test_doors_that_a_scene_s_file_gives_are_driven_once_and_told_by_their_own_width(tmp_path):
+    path = tmp_path / "store.yaml"
+    path.write_text("base: open\ndoor_width: 0.95\n", encoding="utf-8")
+    cases = compare.plan(BASE, ["user"], ["move_base"], ["goal_directed"], [str(path), "open"], [0.8, 1.0], [1])
+    assert [(chosen.scene, chosen.door_width) for chosen, _ in cases] == [
+        (str(path), BASE.door_width), ("open", 0.8), ("open", 1.0)]
+    chosen, seed = cases[0]
+    run = episode.Episode(chosen, seed)
+    result = results.not_driven(seed, Verdict("no_start", ""), {"door_width_m": run.door.width})
+    assert compare.row_of(chosen, result)["door_width"] == 0.95
+
+
+def test_what_is_named_twice_is_driven_once():
+    cases = compare.plan(BASE, ["user", "user"], ["move_base"], ["away", "away"], ["open", "open"], [0.9, 0.9], [1])
+    assert len(cases) == 1
+
+
+@pytest.mark.parametrize("option, place", [("policies", 1), ("users", 3), ("scenes", 4)])
+def test_two_files_of_one_name_are_refused(option, place):
+    given = [BASE, ["user"], ["move_base"], ["goal_directed"], ["open"], [0.9], [1]]
+    given[place] = ["a/mine.yaml", "b/mine.yaml"]
+    with pytest.raises(compare.CompareError, match="--%s: a/mine.yaml and b/mine.yaml would both" % option):
+        compare.plan(*given)
+
+
+@pytest.mark.parametrize("option", ["policy", "user", "scene", "model", "map", "doors"])
+def test_an_edited_file_is_another_episode(tmp_path, option):
+    path = tmp_path / "mine.yaml"
+    chosen = BASE._replace(**{option: "%s:%s" % (path, "drive") if option == "policy" else str(path)})
+    found = []
+    for text in ("a: 1\n", "a: 2\n", "a: 1\n"):
+        path.write_text(text, encoding="utf-8")
+        code_version._of_file.cache_clear()  # as a new process does
+        found.append(compare.key_of(chosen, 1))
+    assert found[0] == found[2] != found[1]
+
+
+def test_a_map_with_another_image_is_another_map(tmp_path):
+    path, image = tmp_path / "map.yaml", tmp_path / "map.pgm"
+    path.write_text("image: map.pgm\n", encoding="utf-8")
+    found = []
+    for content in (b"one", b"two"):
+        image.write_bytes(content)
+        code_version._of_file.cache_clear()
+        found.append(compare.key_of(BASE._replace(map=str(path)), 1))
+    assert found[0] != found[1]
+
+
+def test_pairs_without_a_start_are_no_pairs():
+    rows = [row(name, seed, outcome=outcome, touched=float(outcome == "contact")) for name in ("a", "b")
+            for seed, outcome in ((1, "crossed"), (2, "no_start"))]
+    _, pairs = compare.paired(rows, ("a", "move_base"), ("b", "move_base"), "touched", np.random.default_rng(0))
+    assert pairs == 1
+
+
+@pytest.mark.parametrize("words, told", [
+    (["compare", "--users", "nobody"], "--user 'nobody' is unknown"),
+    (["compare", "--policies", "nothing"], "--policy 'nothing' is unknown"),
+    (["compare", "--dask", "here"], "no Dask scheduler at here"),
+    (["evaluate", "--policy", "nothing"], "--policy 'nothing' is unknown"),
+    (["tune", "--set", "minimax/comfort=[1"], "is not KEY=VALUE"),
+])
+def test_what_cannot_be_is_refused_in_one_line(tmp_path, words, told):
+    try:
+        program = parameters.package_file("scripts/" + words[0])
+    except parameters.ParameterError:
+        pytest.skip("scripts/ is not installed")
+    more = ["--output", str(tmp_path)] if words[0] == "compare" else []
+    done = subprocess.run([sys.executable, str(program)] + words[1:] + more, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == (1 if "--dask" in words else 2)
+    assert told in done.stderr and done.stderr.count("\n") == 1

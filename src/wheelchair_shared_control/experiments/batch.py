@@ -52,7 +52,7 @@ def _backend(jobs, dask):
         raise BatchError("--dask needs the package 'distributed' (pip install distributed)")
     try:
         Client(dask, timeout="20s")
-    except (OSError, TimeoutError) as error:
+    except (OSError, TimeoutError, ValueError) as error:
         raise BatchError("no Dask scheduler at %s: %s" % (dask, error))
     return parallel_config(backend="dask"), KilledWorker
 

@@ -1,6 +1,6 @@
-"""Which code and which numbers an episode's result depends on, as a short digest.
+"""Which code, which numbers and which files of one's own an episode's result depends on, as short digests.
 
-A stored result is only valid for the code that made it. Figures, pages and command lines do not count.
+A stored result is only valid for what made it. Figures, pages and command lines do not count.
 """
 import functools
 import hashlib
@@ -8,10 +8,13 @@ from pathlib import Path
 
 import wheelchair_shared_control
 from wheelchair_shared_control import parameters
+from wheelchair_shared_control.errors import Error
 
 # the modules of experiments/ that make a result; the others only show it
 EXPERIMENTS = ("episode", "graph", "metrics", "options", "recorder", "referee", "results", "smoothness")
 CONFIG = ("*.yaml", "models/*.npz")
+# the options that may name a file
+FILES = ("policy", "user", "scene", "model", "map", "doors")
 
 
 @functools.lru_cache(maxsize=1)
@@ -31,6 +34,34 @@ def digest():
         content = names[name].read_bytes()
         result.update(("%s %d\n" % (name, len(content))).encode("utf-8"))
         result.update(content)
+    return result.hexdigest()[:12]
+
+
+def of_files(options):
+    """Digests {option: twelve hexadecimal digits} of the files that ``options`` name, as they are at the first call.
+
+    What these files name in turn (a policy's imports, meshes of an SDF) is not looked at, but for a map's image.
+    """
+    given = {name: getattr(options, name) for name in FILES if getattr(options, name) is not None}
+    if ":" in options.policy:
+        given["policy"] = options.policy.rpartition(":")[0]
+    return {name: _of_file(str(path)) for name, path in given.items() if Path(path).expanduser().is_file()}
+
+
+@functools.lru_cache(maxsize=None)
+def _of_file(name):
+    path = Path(name).expanduser()
+    try:
+        result = hashlib.sha256(path.read_bytes())
+    except OSError:  # whoever uses the file says so
+        return ""
+    if path.suffix.lower() in (".yaml", ".yml"):
+        try:
+            image = parameters.read_yaml(path).get("image")
+        except (Error, AttributeError):  # no mapping: whoever uses the file says so
+            image = None
+        if isinstance(image, str) and (path.parent / Path(image).expanduser()).is_file():
+            result.update((path.parent / Path(image).expanduser()).read_bytes())
     return result.hexdigest()[:12]
 
 

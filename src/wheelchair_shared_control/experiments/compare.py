@@ -1,7 +1,8 @@
 """The benchmark: policies x planners x users x scenes x door widths, paired by seed, resumable.
 
 Every finished episode is one line of ``episodes.jsonl``, appended at once; what is there already is not driven
-again, unless other code made it. ``episodes.csv`` is that file sorted by key, without a wall-clock column.
+again, unless other code or other files made it. ``episodes.csv`` is that file sorted by key, without a wall-clock
+column.
 """
 import csv
 import fcntl
@@ -16,7 +17,7 @@ import numpy as np
 from wheelchair_shared_control import command_line
 from wheelchair_shared_control.errors import Error
 from wheelchair_shared_control.experiments import code_version, statistics
-from wheelchair_shared_control.experiments.options import Options
+from wheelchair_shared_control.experiments.options import SCENES, Options
 from wheelchair_shared_control.simulation import doors
 
 KEYS = ("policy", "planner", "user", "scene", "door_width", "door", "side", "seed")
@@ -36,26 +37,46 @@ class CompareError(Error):
 def plan(base, policies, planners, users, scenes, widths, seeds, pairs=()):
     """All episodes as a list of (options, seed), each once; ``pairs`` are more (policy, planner) to those combined.
 
-    Doors of a map stand in the place of scenes and widths: each annotated door, from both sides.
+    Doors of a map stand in the place of scenes and widths: each annotated door, from both sides. A scene's file says
+    its width itself. Raises CompareError where two names would be one in the table.
     """
+    _told_apart("policies", list(policies) + [policy for policy, _ in pairs])
+    _told_apart("users", users)
     if base.map is None:
-        places = [{"scene": scene, "door_width": width} for scene, width in itertools.product(scenes, widths)]
+        _told_apart("scenes", scenes)
+        places = [
+            {"scene": scene, "door_width": width} for scene in scenes
+            for width in (widths if scene in SCENES else [Options().door_width])
+        ]
     else:
         names = list(doors.read(base.doors)) if base.door is None else [base.door]
         sides = (0, 1) if base.side is None else (base.side,)
         unused = {"scene": Options().scene, "door_width": Options().door_width}
         places = [dict(unused, door=name, side=side) for name, side in itertools.product(names, sides)]
     who = dict.fromkeys(list(itertools.product(policies, planners)) + list(pairs))
-    return [
+    return list(dict.fromkeys(
         (base._replace(policy=policy, planner=planner, user=user, **place), seed)
         for (policy, planner), user, place, seed in itertools.product(who, users, places, seeds)
-    ]
+    ))
+
+
+def _told_apart(what, names):
+    """Refuse two files of one name: their rows would be one policy's, one user's, one scene's."""
+    seen = {}
+    for name in names:
+        other = seen.setdefault(_short(name), name)
+        if other != name:
+            raise CompareError("--%s: %s and %s would both be '%s' in the table" % (what, other, name, _short(name)))
 
 
 def key_of(options, seed):
-    """What an episode is told by, as text: the key of its row and of its line in the store."""
+    """What an episode is told by, as text: the key of its row and of its line in the store.
+
+    Files of one's own count by what is in them: an edited policy is another one.
+    """
     fields = {name: value for name, value in options._asdict().items() if value is not None}
-    return json.dumps([fields, int(seed)], sort_keys=True)
+    files = code_version.of_files(options)
+    return json.dumps([fields, int(seed)] + ([files] if files else []), sort_keys=True)
 
 
 class Store:
@@ -125,7 +146,7 @@ def row_of(options, result):
     row = {
         "policy": _short(options.policy), "planner": options.planner, "user": _short(options.user),
         "scene": _short(options.map or options.scene),
-        "door_width": options.door_width if options.map is None else result["door_width_m"],
+        "door_width": result["door_width_m"],
         "door": result.get("door", ""), "side": result.get("side", ""), "seed": result["seed"],
         "outcome": result["outcome"], "reason": result["reason"],
     }
@@ -232,7 +253,8 @@ def paired(rows, first, second, measure, rng):
     (value, low, high), n."""
     others = [name for name in KEYS if name not in ("policy", "planner")]
     tables = [
-        {tuple(row[name] for name in others): row[measure] for row in rows if (row["policy"], row["planner"]) == who}
+        {tuple(row[name] for name in others): row[measure] for row in rows
+         if (row["policy"], row["planner"]) == who and row["outcome"] != "no_start"}
         for who in (first, second)
     ]
     common = sorted(set(tables[0]) & set(tables[1]), key=str)

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple, Optional, Tuple
 
+from wheelchair_shared_control import blending
 from wheelchair_shared_control.errors import Error
 from wheelchair_shared_control.parameter_tables.move_base import PLANNERS
 
@@ -14,6 +15,8 @@ CAMERAS = {"640x480": (640, 480), "160x120": (160, 120)}
 
 class OptionError(Error):
     """An option names something that does not exist, or a number outside its limits."""
+
+    exit_code = 2  # as where argparse refuses
 
 
 class Options(NamedTuple):
@@ -141,10 +144,10 @@ def add_episode_options(parser, without=()):
     add("--side", type=int, choices=(0, 1), help="side of the door to start from (default: by the seed)")
 
 
-def episode_options(args, users=None, scenes=None, planners=None):
+def episode_options(args, users=None, scenes=None, planners=None, policies=None):
     """``Options`` of parsed arguments. Raises OptionError where they do not fit together.
 
-    ``users``, ``scenes``, ``planners``: names to check where a command takes several.
+    ``users``, ``scenes``, ``planners``, ``policies``: names to check where a command takes several.
     """
     if (args.map is None) != (args.doors is None):
         raise OptionError("--map and --doors go together: the start is drawn before an annotated door")
@@ -157,6 +160,10 @@ def episode_options(args, users=None, scenes=None, planners=None):
                 raise OptionError(
                     "--%s is for scenes: before a real door the start is drawn by the seed" % name.replace("_", "-")
                 )
+    for policy in [args.policy] if policies is None else policies:
+        if ":" not in policy and policy not in blending.POLICIES:
+            raise OptionError("--policy '%s' is unknown: %s, or path.py:function" % (
+                policy, ", ".join(sorted(blending.POLICIES))))
     for scene in [args.scene] if scenes is None else scenes:
         _known("--scene", scene, SCENES)
     for user in [args.user] if users is None else users:
