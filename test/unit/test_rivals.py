@@ -1,4 +1,5 @@
 """The rival policies, each in the situation that shows its character, and their rows in the table."""
+import json
 import math
 import zipfile
 
@@ -210,9 +211,15 @@ def test_the_shipped_cases_come_from_bags_of_both_sets_and_execute_nothing():
 
 def test_a_file_that_is_no_cases_is_refused_by_its_name(tmp_path):
     path = tmp_path / "bad.npz"
-    for content in (b"", b"PK\x03\x04 damaged", None):
-        if content is None:
-            np.savez(str(path), header=np.array([{}], dtype=object))
+    numbers = dict(situations=np.zeros((2, 6), "f4"), commands=np.zeros((2, 2), "f4"))
+    header = json.dumps({"format": cases.FORMAT, "version": cases.VERSION})
+    for content in (
+        b"", b"PK\x03\x04 damaged", dict(header=np.array([{}], dtype=object)), dict(numbers, header="[" * 100000),
+        dict(numbers, header=header.replace("1", "2")), dict(numbers, header=header, commands=np.zeros((3, 2), "f4")),
+        dict(numbers, header=header, situations=np.full((2, 6), np.nan, "f4")), dict(numbers, header=header, code="x"),
+    ):
+        if isinstance(content, dict):
+            np.savez(str(path), **content)
         else:
             path.write_bytes(content)
         with pytest.raises(cases.CasesError, match="bad.npz"):

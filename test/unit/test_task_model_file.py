@@ -1,6 +1,7 @@
 """The model's file: what comes back, and what is refused."""
 import io
 import json
+import os
 import zipfile
 
 import numpy as np
@@ -81,7 +82,10 @@ def test_unknown_version_is_refused(path):
         (dict(extra=1), "unknown 'extra'"), (dict(provenance=None), "without 'provenance'"),
         (dict(components=3), "holds 2"), (dict(provenance=[]), "provenance"),
         (dict(version=True), "version True"), (dict(version=1.0), "version 1.0"), (dict(version="1"), "version '1'"),
-        (dict(provenance={"bags": "a.bag"}), "no list of entries"), (dict(provenance={}), "names 0 bags"),
+        (dict(provenance={"bags": "a.bag"}), "no list of entries"),
+        (dict(provenance={"bags": [{"file": "a.bag"}]}), "bag without file and sha256"),
+        (dict(provenance={"bags": [{"file": "a.bag", "sha256": [0]}]}), "bag without file and sha256"),
+        (dict(provenance={}), "names 0 bags"),
     ],
 )
 def test_other_headers_are_refused(path, change, message):
@@ -104,6 +108,8 @@ def test_missing_entries_are_refused(path, name):
         (dict(means=np.zeros((2, 7))), "entry 'means'"),
         (dict(means=np.full((2, 6), np.nan)), "not finite"),
         (dict(covariances=np.zeros((2, 6, 6))), "symmetric|positive"),
+        (dict(covariances=np.stack([np.eye(6), -np.eye(6)])), "not positive definite"),
+        (dict(covariances=np.full((2, 6, 6), np.nan)), "covariances are not finite"),
         (dict(bag_index=np.zeros(3, int)), "indices"),
         (dict(floors=np.full(6, -1.0)), "negative"),
         (dict(bag_index=np.full(100, 1)), "bag 1 to 1 and names 1 bags"),
@@ -155,3 +161,5 @@ def test_a_bomb_is_refused(path):
 def test_missing_files_and_directories_are_refused(tmp_path):
     refused(tmp_path / "none.npz", "cannot be read: No such file")
     refused(tmp_path, "directory")
+    os.mkfifo(str(tmp_path / "pipe"))  # opening it would wait for ever
+    refused(tmp_path / "pipe", "no regular file")

@@ -82,6 +82,15 @@ def test_a_wall_on_one_side_takes_that_side_s_freedom(model):
         assert np.median(found[towards, beyond]) < np.median(found[away, beyond])
 
 
+def test_held_out_turn_rates_lie_where_the_model_expects_them(model):
+    # shares of the conditional mixture's central intervals, each of the 24 bags left out in turn: within 8 points
+    settings = parameters.load("training").replace(initialisations_in_short=1)
+    found = training.calibrate(
+        model.training.samples, model.training.bag_index, model.components, settings, model.training.provenance["seed"])
+    assert found.coverage["1"] == pytest.approx(0.683, abs=0.08)
+    assert found.coverage["2"] == pytest.approx(0.954, abs=0.08)
+
+
 def test_mirrored_demonstrations_give_mirrored_predictions(model):
     settings = training.in_short(parameters.load("training"))
     samples = model.training.samples[::3].astype(float)

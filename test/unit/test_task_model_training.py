@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from wheelchair_shared_control import parameters, training
-from wheelchair_shared_control.task_model import MIRROR, TaskModelError
+from wheelchair_shared_control.task_model import MIRROR, TaskModel, TaskModelError
 
 SETTINGS = parameters.load("training").replace(initialisations=2)
 
@@ -68,6 +68,41 @@ def test_samples_of_a_known_mixture_are_covered_as_they_should_be():
     assert found.coverage["1"] == pytest.approx(0.683, abs=0.03)
     assert found.coverage["2"] == pytest.approx(0.954, abs=0.015)
     assert found.within_sigma["w"] == pytest.approx(0.683, abs=0.03)
+
+
+def test_each_bag_is_judged_by_a_model_that_has_not_seen_it():
+    rng = np.random.default_rng(6)
+    samples = turning_samples(rng, count=400, spread=0.02)
+    bag_index = np.repeat([0, 1], 200)
+    # the second bag turns 2 rad/s more to the left: either half lies far outside of what the other shows
+    samples[200:, 4] += 2.0
+    apart = training.calibrate(samples, bag_index, 1, SETTINGS, seed=0)
+    assert apart.coverage["2"] < 0.01 and apart.samples == 400
+    # dealt out evenly, each half shows both
+    dealt = training.calibrate(samples, np.arange(400) % 2, 1, SETTINGS, seed=0)
+    assert dealt.coverage["2"] > 0.9 and dealt.log_likelihood > apart.log_likelihood
+
+
+def test_intervals_are_central_ones():
+    # of a distribution function the central 68.27 % are 0.1587 to 0.8413, the central 95.45 % 0.0228 to 0.9772
+    shares = training.central_shares(np.array([0.01, 0.03, 0.15, 0.16, 0.5, 0.84, 0.85, 0.97, 0.98, 1.0]))
+    assert shares == {"1": 0.3, "2": 0.7}
+
+
+def test_outputs_intervals_are_cut_at_zero():
+    # w_l = N(-0.5, 1), w_r = N(3, 1), independent of the input: w_l's interval is -1.5 to 0.5, cut to 0 to 0.5
+    model = TaskModel([1.0], [[0, 0, 0, 0, -0.5, 3.0]], [np.eye(6)])
+    pairs = [(0.0, 3.0), (0.4, 3.9), (0.6, 4.1), (0.0, 1.9)]
+    samples = np.column_stack((np.zeros((4, 4)), pairs))
+    # w = w_l - w_r has mean -3.5 and sigma 1.41: from -4.91 to -2.09
+    expected = [(True, True, True), (True, True, True), (True, False, False), (False, True, False)]
+    np.testing.assert_array_equal(training.within_sigma(model, samples), expected)
+
+
+def test_too_few_samples_without_a_bag_are_said():
+    samples = turning_samples(np.random.default_rng(7), count=60)
+    with pytest.raises(TaskModelError, match="leaving out part 1 of 2 to judge the fit: 20 samples are too few"):
+        training.calibrate(samples, np.repeat([0, 1], [40, 20]), 3, SETTINGS, seed=0)
 
 
 def test_the_number_of_components_is_found():
