@@ -246,6 +246,8 @@ def prepare(policy, settings):
             own(settings)
         except Error as error:
             raise PolicyError(str(error))
+        except Exception as error:  # a stranger's function
+            raise PolicyError("policy's prepare: %s: %s" % (type(error).__name__, " ".join(str(error).split())))
 
 
 def decided(policy, tick, memory):

@@ -269,11 +269,14 @@ def scan_of(message):
 
 
 def range_of(message):
-    """Reading [m] of a ``sensor_msgs/Range`` as REP 117 asks: beyond its limits +Inf or -Inf, else the number."""
+    """Reading [m] of a ``sensor_msgs/Range`` as REP 117 asks: beyond its limits +Inf or -Inf, else the number.
+
+    An upper limit of 0 is one that nobody filled in, and no reason to take an obstacle for free space.
+    """
     reading = float(message.range)
     if np.isnan(reading):
         return reading
-    if reading > message.max_range:
+    if reading > message.max_range > 0.0:
         return np.inf
     if reading < message.min_range:
         return -np.inf

@@ -291,7 +291,7 @@ def _from_file(path, settings):
         content = parameters.read_yaml(path)
     except parameters.ParameterError as error:
         raise UserError(str(error))
-    unknown = sorted(set(content) - {"steps", "settings"})
+    unknown = sorted(map(str, set(content) - {"steps", "settings"}))
     if unknown:
         raise UserError("%s: unknown key '%s': a user has steps and settings" % (path, unknown[0]))
     changes = content.get("settings") or {}
@@ -311,10 +311,10 @@ def _step(path, number, given):
     where = "%s: step %d" % (path, number)
     if not isinstance(given, dict) or "do" not in given:
         raise UserError("%s: must be a mapping with a key 'do'" % where)
-    unknown = sorted(set(given) - {"do", "seconds", "distance", "v", "w", "hand"})
+    unknown = sorted(map(str, set(given) - {"do", "seconds", "distance", "v", "w", "hand"}))
     if unknown:
         raise UserError("%s: unknown key '%s'" % (where, unknown[0]))
-    if given["do"] not in BEHAVIOURS:
+    if given["do"] not in tuple(BEHAVIOURS):
         raise UserError("%s: do is '%s', must be one of %s" % (where, given["do"], " ".join(BEHAVIOURS)))
     if given.get("hand", "") not in ("",) + tuple(HANDS):
         raise UserError("%s: hand is '%s', must be one of %s" % (where, given["hand"], " ".join(HANDS)))

@@ -1,11 +1,12 @@
 """The guard in titled scenes: a chair of 1.05 m x 0.65 m (front edge 0.70 m, rear edge -0.35 m) at the origin."""
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from wheelchair_shared_control import conversions, parameters, se2, sweep
 from wheelchair_shared_control import footprint as outline
-from wheelchair_shared_control import parameters, se2, sweep
 from wheelchair_shared_control.grid import Grid
 from wheelchair_shared_control.guard import FREE, SLOWED, STOPPED, Guard
 from wheelchair_shared_control.limiter import Limiter
@@ -290,6 +291,15 @@ class TestRangers:
         assert along.pose[0] > 0.1
         into.drive(Twist(0.0, 0.5), 1.0, points=points)
         assert into.pose[2] < 0.02
+
+    @pytest.mark.parametrize("reading, limits, value", [
+        (0.3, (0.1, 1.5), 0.3), (1.6, (0.1, 1.5), math.inf), (0.05, (0.1, 1.5), -math.inf),
+        (math.inf, (0.1, 1.5), math.inf),
+        (0.3, (0.0, 0.0), 0.3),  # a driver that fills in no limits: no reason to call what it saw free
+    ])
+    def test_a_message_is_read_within_its_limits(self, reading, limits, value):
+        message = SimpleNamespace(range=reading, min_range=limits[0], max_range=limits[1])
+        assert conversions.range_of(message) == value
 
     def test_nan_says_nothing_and_ages(self):
         taken = RangePoints(SETTINGS.wheelchair)

@@ -316,6 +316,16 @@ def test_a_stick_at_rest_stops_the_chair_also_under_a_policy_that_forgot_it(tmp_
     assert state.sent == STOP and state.reason == "the stick is at rest"
 
 
+def test_a_policy_of_ones_own_that_cannot_be_prepared_is_refused_in_one_line(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "def half(tick, memory):\n    return tick.user, None, ''\n\n"
+        "def prepare(settings):\n    open('/no/such/file')\n\nhalf.prepare = prepare\n"
+    )
+    with pytest.raises(blending.PolicyError, match="prepare: FileNotFoundError"):
+        Run("%s:half" % path)
+
+
 class TestHandOver:
     @pytest.mark.parametrize("after", [ARRIVED, MANUAL])
     def test_arrival_and_cancel_go_through_the_limiter(self, after):

@@ -293,6 +293,9 @@ def test_a_user_from_a_file_does_its_steps_in_turn(settings, tmp_path):
     ("steps: [{do: hold, hand: third}]\n", "hand is 'third'"),
     ("settings: {drive/cruise: 9.0}\nsteps: [{do: hold}]\n", "drive/cruise"),
     ("people: 3\n", "unknown key 'people'"),
+    ("1: 2\npeople: 3\n", "unknown key '1'"),
+    ("steps: [{do: [push]}]\n", "do is"),
+    ("steps: [{do: push, 1: 2, speed: 1}]\n", "unknown key '1'"),
     ("- 1\n", "no mapping"),
 ])
 def test_a_file_that_is_no_user_is_refused_with_its_name(settings, tmp_path, text, words):
