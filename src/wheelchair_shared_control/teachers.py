@@ -79,7 +79,7 @@ class Teacher:
     def __init__(self, style, settings, rng):
         self.style, self.settings = style, settings
         self._own, self._swings = getattr(settings, style.pace), getattr(settings, style.set_name)
-        self._turn = getattr(self._swings, style.pace).turn
+        self._turn, self._weave = getattr(self._swings, style.pace).turn, getattr(self._swings, style.pace).weave
         self._rng, self._noise, self._command = rng, 0.0, Twist(0.0, 0.0)
         self._swing_at, self._last, self._turning = None, None, style.turn_first
 
@@ -113,7 +113,7 @@ class Teacher:
         w = s.aim.gain * off * max(1.0, style.speed / 0.25)
         chair = s.wheelchair.footprint
         if x + chair.length - chair.axle_to_rear > -0.3:
-            w += self._own.weave * style.steadiness * np.sin(2.0 * np.pi * now / s.weave_period + style.phase)
+            w += self._weave * style.steadiness * np.sin(2.0 * np.pi * now / s.weave_period + style.phase)
         return w
 
     def _swing(self, now, yaw, ends):

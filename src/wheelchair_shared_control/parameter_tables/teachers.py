@@ -12,7 +12,6 @@ def pace(name):
         P(key + "speed", float, "m/s", 0.05, 0.6, "forward speed"),
         P(key + "start_low", float, "m", 1.0, 6.0, "nearest start of base_link before the door plane"),
         P(key + "start_high", float, "m", 1.0, 6.0, "farthest start"),
-        P(key + "weave", float, "rad/s", 0.0, 0.5, "turn rate of the weave in the doorway"),
         P(key + "range_distance", float, "m", 2.0, 5.5, "full set: start before the plane, to show the range"),
         P(key + "range_end", float, "m", 1.0, 3.0, "full set: the range is shown down to this distance of the plane"),
     ]
@@ -31,6 +30,7 @@ def swings(set_name):
     for name in PACES:
         rows += [
             P(key + name + "/turn", float, "rad/s", 0.0, 1.0, "largest turn rate where there is room"),
+            P(key + name + "/weave", float, "rad/s", 0.0, 0.5, "turn rate of the weave in the doorway"),
             P(key + name + "/end", float, "m", 1.0, 3.5,
               "base_link this far from the door, beyond it, the demonstration ends"),
         ]
