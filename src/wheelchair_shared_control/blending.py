@@ -129,17 +129,16 @@ def learned_confidence(tick, memory):
     learned = paper_sigma(tick)
     shortfall = tick.density_floor - tick.prediction.log_density
     if shortfall <= 0.0:
-        return _blended(tick, learned, "as demonstrated")
+        return _unhurried(tick, _blended(tick, learned, "as demonstrated"))
     bound = clearance_sigma(tick)
     if math.isnan(shortfall):  # a model without its quantile: the more careful of the two
-        return _blended(tick, min(learned, bound), "the model does not say what it was shown")
+        return _unhurried(tick, _blended(tick, min(learned, bound), "the model does not say what it was shown"))
     share = min(shortfall / settings.transition, 1.0)
     _, beta_learned = blend(tick.user, tick.planner, learned)
     _, beta_bound = blend(tick.user, tick.planner, bound)
     beta = (1.0 - share) * beta_learned + share * beta_bound
-    return _blended(
-        tick, sigma_of(beta, tick.user.w - tick.planner.w, bound), "not demonstrated: bounded by clearance"
-    )
+    sigma = sigma_of(beta, tick.user.w - tick.planner.w, bound)
+    return _unhurried(tick, _blended(tick, sigma, "not demonstrated: bounded by clearance"))
 
 
 def sigma_of(beta, difference, otherwise):
@@ -185,6 +184,19 @@ def clearance_sigma(tick):
     horizon = settings.horizon
     lever = (footprint.length - footprint.axle_to_rear) * horizon + 0.5 * abs(tick.twist.v) * horizon * horizon
     return math.e * room / lever
+
+
+def _unhurried(tick, result):
+    """``result`` not faster than unseen ground allows, where the planner is not faster either.
+
+    The mean of Fig. 2 lets a person who pushes harder than the planner drive faster over ground that nobody has
+    seen than the guard permits, and the guard then brakes what the policy has just asked for. The planner keeps to
+    that speed where its way leads over unseen ground, or is narrow; where it drives faster itself, so may the blend.
+    """
+    allowed = max(tick.settings.guarding.unknown_speed, tick.planner.v)
+    if result.command.v <= allowed:
+        return result
+    return result._replace(command=Twist(allowed, result.command.w), reason=result.reason + ", not faster than seen")
 
 
 def _blended(tick, sigma, reason=""):

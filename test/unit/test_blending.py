@@ -179,7 +179,8 @@ class TestLearnedConfidence:
 
     def test_unseen_does_not_mean_forbidden(self):
         # A model that allows nothing, in the open: the bound alone speaks.
-        assert self.bounded((0.4, 0.5), (0.4, 0.0), (2.0, 2.0, 2.0)).beta > 0.7
+        # T = 4 s: s = e (2 - 0.03) / (0.7 * 4 + 0.3 * 16 / 2) = 1.03, beta = exp(-0.5 / 1.03) = 0.62
+        assert self.bounded((0.4, 0.5), (0.4, 0.0), (2.0, 2.0, 2.0)).beta == pytest.approx(0.615, abs=0.001)
 
     def test_unseen_does_not_mean_free(self):
         # A model that allows everything, 4 cm beside a wall: the planner turns.
@@ -195,6 +196,25 @@ class TestLearnedConfidence:
                     # small angles: the front corners, 0.7 m ahead, move 0.7 w t + v w t^2 / 2 to the left
                     moved = result.command.w * (0.7 * t + 0.5 * v * t * t)
                     assert moved <= room - settings.margin + 1e-9
+
+    @pytest.mark.parametrize(
+        "v_user, v_planner, v",
+        [
+            (0.5, 0.29, 0.3),  # their mean is 0.395: the guard would brake it over unseen ground
+            (0.3, 0.2, 0.25),  # the mean is slow enough
+            (0.6, 0.5, 0.55),  # the planner itself drives on: it sees where
+            (0.6, 0.32, 0.32),  # no faster than the planner
+            (-0.6, -0.2, -0.4),  # back: the guard alone
+        ],
+    )
+    @pytest.mark.parametrize("log_density", [0.0, -100.0])
+    def test_pushing_harder_than_the_planner_is_no_way_over_unseen_ground(self, v_user, v_planner, v, log_density):
+        prediction = Prediction(0.0, 0.0, 0.1, 0.1, log_density)
+        case = tick((v_user, 0.3), (v_planner, 0.2), prediction=prediction)
+        assert SETTINGS.guarding.unknown_speed == 0.3
+        result = self.policy(case, {})
+        assert result.command.v == pytest.approx(v)
+        assert ("not faster than seen" in result.reason) == (v < 0.5 * (v_user + v_planner) - 1e-9)
 
     def test_takes_over_without_a_step(self):
         betas = []
