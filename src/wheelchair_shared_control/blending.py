@@ -187,11 +187,11 @@ def clearance_sigma(tick):
 
 
 def _unhurried(tick, result):
-    """``result`` not faster than unseen ground allows, where the planner is not faster either.
+    """``result`` not faster than unseen ground allows, unless the planner drives as fast.
 
-    The mean of Fig. 2 lets a person who pushes harder than the planner drive faster over ground that nobody has
-    seen than the guard permits, and the guard then brakes what the policy has just asked for. The planner keeps to
-    that speed where its way leads over unseen ground, or is narrow; where it drives faster itself, so may the blend.
+    The mean of Fig. 2 (line 9) lets a person who pushes harder than the planner drive faster over ground that nobody
+    has seen than the guard permits, and the guard then brakes what the policy has just asked for. The planner keeps
+    to that speed where its way leads over unseen ground; where it drives faster, it has seen that it can.
     """
     allowed = max(tick.settings.guarding.unknown_speed, tick.planner.v)
     if result.command.v <= allowed:

@@ -202,8 +202,8 @@ class TestLearnedConfidence:
         [
             (0.5, 0.29, 0.3),  # their mean is 0.395: the guard would brake it over unseen ground
             (0.3, 0.2, 0.25),  # the mean is slow enough
-            (0.6, 0.5, 0.55),  # the planner itself drives on: it sees where
-            (0.6, 0.32, 0.32),  # no faster than the planner
+            (0.6, 0.5, 0.5),  # no faster than the planner, who sees where
+            (0.4, 0.5, 0.45),  # a person who wants to go slower is heard
             (-0.6, -0.2, -0.4),  # back: the guard alone
         ],
     )
