@@ -52,8 +52,8 @@ def test_every_component_has_the_floor():
     model = training.fit(turning_samples(rng), 3, SETTINGS, seed=4)
     smallest = np.sqrt(np.einsum("kii->ki", model.covariances).min(axis=0))
     assert (smallest >= training.floors_of(SETTINGS) * (1 - 1e-9)).all()
-    # 10 % of 2 m, 10 % of 0.6 m/s, 2 % of 1 rad/s
-    np.testing.assert_allclose(training.floors_of(SETTINGS), [0.2, 0.2, 0.2, 0.06, 0.02, 0.02])
+    # 5 % of 2 m, 5 % of 0.6 m/s, 2 % of 1 rad/s
+    np.testing.assert_allclose(training.floors_of(SETTINGS), [0.1, 0.1, 0.1, 0.03, 0.02, 0.02])
 
 
 def test_samples_of_a_known_mixture_are_covered_as_they_should_be():
