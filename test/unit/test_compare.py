@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from wheelchair_shared_control import parameters
-from wheelchair_shared_control.experiments import code_version, compare, episode, options, results
-from wheelchair_shared_control.experiments.referee import Verdict
+from wheelchair_shared_control.experiments import code_version, compare, episode, options, referee, results
 
 BASE = options.Options()
 
@@ -147,6 +146,16 @@ def test_the_table_leaves_out_what_could_not_start():
     line = compare.table(rows)[0]
     assert (line["n"], line["crossed"].value, line["contact"].value) == (2, 0.5, 0.5)
     assert "50.0" in compare.markdown([line])
+    assert compare.report(rows).startswith("3 episodes (1 without a start: left out).")
+
+
+def test_the_table_says_how_every_episode_ended():
+    rows = [row(seed=seed, outcome=outcome) for seed, outcome in enumerate(referee.OUTCOMES) if outcome != "no_start"]
+    line, (head, _, cells) = compare.table(rows)[0], compare.markdown(compare.table(rows)).splitlines()
+    assert sum(line[outcome].value for outcome in referee.OUTCOMES if outcome != "no_start") == pytest.approx(1.0)
+    for outcome in referee.OUTCOMES[:-1]:
+        assert "| %s %%" % outcome in head
+    assert cells.count("20.0 (") == 5
 
 
 def test_doors_that_a_scene_s_file_gives_are_driven_once_and_told_by_their_own_width(tmp_path):
@@ -157,7 +166,7 @@ def test_doors_that_a_scene_s_file_gives_are_driven_once_and_told_by_their_own_w
         (str(path), BASE.door_width), ("open", 0.8), ("open", 1.0)]
     chosen, seed = cases[0]
     run = episode.Episode(chosen, seed)
-    result = results.not_driven(seed, Verdict("no_start", ""), {"door_width_m": run.door.width})
+    result = results.not_driven(seed, referee.Verdict("no_start", ""), {"door_width_m": run.door.width})
     assert compare.row_of(chosen, result)["door_width"] == 0.95
 
 

@@ -187,7 +187,8 @@ def table(rows, by=("policy",)):
 # heading, key of a line, how it is written, factor
 SAFETY = (
     ("crossed %", "crossed", None, 1.0), ("contact %", "contact", None, 1.0), ("refused %", "refused", None, 1.0),
-    ("standstill %", "standstill", None, 1.0), ("least clearance [m]", "worst_clearance_m", "%.3f", 1.0),
+    ("standstill %", "standstill", None, 1.0), ("timeout %", "timeout", None, 1.0),
+    ("least clearance [m]", "worst_clearance_m", "%.3f", 1.0),
     ("clearance, 5th pct. [m]", "episodes_clearance_p05_m", "%.3f", 1.0),
     ("guard active %", "guard_active", "%.1f", 100.0), ("guard stops", "guard_stops", "%.2f", 1.0),
 )
@@ -219,9 +220,11 @@ def report(rows, by=("policy",)):
     parts = []
     for title, columns in (("Safety", SAFETY), ("Control", CONTROL), ("Motion and the stick", MOTION)):
         parts.append("## %s\n\n%s" % (title, markdown(lines, by, columns)))
+    idle = sum(row["outcome"] == "no_start" for row in rows)
     return (
-        "%d episodes. In brackets 95 %% intervals: Wilson for rates, bootstrap for means. A share is the user's part "
-        "of the turn rate.\n\n" % len(rows) + "\n".join(parts)
+        "%d episodes%s. In brackets 95 %% intervals: Wilson for rates, bootstrap for means. A share is the user's part "
+        "of the turn rate.\n\n" % (len(rows), " (%d without a start: left out)" % idle if idle else "")
+        + "\n".join(parts)
     )
 
 
