@@ -104,7 +104,13 @@ class Assistance:
         if not self._odometry_fresh(now, inputs):
             why = "no fresh odometry"
         elif inputs.doorways is not None:
-            fresh = [doorway for doorway in inputs.doorways if doorway.stamp >= self._since - limits.age]
+            fresh = [
+                doorway for doorway in inputs.doorways
+                if doorway.stamp >= self._since - limits.age and self._seen_by_now(now, doorway)
+            ]
+            ahead = max((doorway.stamp - now for doorway in inputs.doorways), default=0.0)
+            if ahead > self.settings.odometry_age:
+                why = self._why = "the doorways are stamped %.1f s in the future" % ahead
             new = [doorway for doorway in fresh if doorway.stamp > self._seen]
             if new:
                 self._seen = max(doorway.stamp for doorway in new)
@@ -202,7 +208,7 @@ class Assistance:
         door_from_base = se2.compose(se2.inverse(self.doorway.pose), inputs.odometry.pose)
         if door_from_base[0] + self.chair.front > -limits.until:
             return
-        seen = self._same_doorway(inputs)
+        seen = self._same_doorway(now, inputs)
         if seen is not None:
             self._seen = seen.stamp
             step = seen.pose - self.doorway.pose
@@ -222,12 +228,16 @@ class Assistance:
             self.goal, self._goal_sent = goal, now
             actions["goal"] = goal
 
-    def _same_doorway(self, inputs):
+    def _seen_by_now(self, now, doorway):
+        """Whether its stamp can be: one from the future would make every later look an older one."""
+        return doorway.stamp <= now + self.settings.odometry_age
+
+    def _same_doorway(self, now, inputs):
         """The newer observation of the latched doorway, None where there is none."""
         limits = self.settings.refine
         best, nearest = None, limits.distance
         for doorway in inputs.doorways or ():
-            if not doorway.stamp > self._seen:
+            if not (doorway.stamp > self._seen and self._seen_by_now(now, doorway)):
                 continue
             # The normal points as the latched one does, also where the chair stands oblique to the plane.
             turned = abs(float(se2.wrap_angle(doorway.pose[2] - self.doorway.pose[2]))) > np.pi / 2.0
@@ -261,6 +271,6 @@ class Assistance:
         odometry = inputs.odometry
         return (
             odometry is not None
-            and now - odometry.stamp <= self.settings.odometry_age
+            and abs(now - odometry.stamp) <= self.settings.odometry_age
             and bool(np.isfinite(odometry.pose).all())
         )

@@ -61,8 +61,8 @@ def choose(doorways, pose, user, settings, chair):
         direction = float(np.arctan2(offset[1], offset[0]))
         bearing = float(se2.wrap_angle(direction - pose[2]))
         incidence = abs(float(se2.wrap_angle(doorway.pose[2] - direction)))
-        if not np.isfinite([distance, bearing, incidence, doorway.width]).all():
-            reason = "the doorway's pose is not finite"
+        if not np.isfinite([distance, bearing, incidence, doorway.width, doorway.confidence]).all():
+            reason = "the doorway is not finite"
         elif doorway.width < needed:
             reason = "the doorway is %.2f m wide, the chair needs %.2f m" % (doorway.width, needed)
         elif doorway.confidence < limits.confidence:

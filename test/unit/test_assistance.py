@@ -123,11 +123,38 @@ def test_a_doorway_that_appears_after_two_seconds_is_taken(settings):
     assert chair.step(doorways=(door(stamp=chair.now),)).state == ASSISTING
 
 
+def test_a_doorway_from_the_future_is_not_taken_and_hides_no_later_look(settings):
+    chair = Chair(settings)
+    chair.step(press=True)
+    out = chair.run(1.0, doorways=(door(stamp=1e4),))
+    assert out.state == DETECTING
+    assert chair.step(doorways=(door(stamp=chair.now),)).state == ASSISTING
+    chair.run(0.5, doorways=(door(2.0, 0.0, stamp=1e4),))
+    for _ in range(20):
+        out = chair.step(doorways=(door(2.0, 0.15, stamp=chair.now),))
+    assert out.doorway.pose[1] == pytest.approx(0.15, abs=0.01)
+    refused = Chair(settings)
+    refused.step(press=True)
+    assert "in the future" in refused.run(6.0, doorways=(door(stamp=1e4),)).reason
+
+
+@pytest.mark.parametrize("field, value", [
+    ("pose", np.array([np.nan, 0.0, 0.0])), ("width", np.nan), ("confidence", np.nan),
+])
+def test_a_doorway_with_a_number_that_is_none_is_not_taken(settings, field, value):
+    chair = Chair(settings)
+    chair.step(press=True)
+    out = chair.step(doorways=(door(stamp=chair.now)._replace(**{field: value}),))
+    assert out.state == DETECTING and chair.goals == []
+
+
 def test_without_fresh_odometry_no_doorway_is_latched(settings):
     chair = Chair(settings)
     chair.step(press=True)
     old = Odometry(chair.now - 1.0, chair.pose, STOP)
     assert chair.step(odometry=old, doorways=(door(stamp=chair.now),)).state == DETECTING
+    future = Odometry(chair.now + 1.0, chair.pose, STOP)
+    assert chair.step(odometry=future, doorways=(door(stamp=chair.now),)).state == DETECTING
 
 
 # ---- which doorway -------------------------------------------------------------------------------------
