@@ -14,7 +14,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from wheelchair_shared_control import bags, command_line, demonstration_recorder, demonstrations, parameters
+from wheelchair_shared_control import bags, command_line, demonstration_recorder, demonstrations, parameters, training
 from wheelchair_shared_control.bags import BagError
 from wheelchair_shared_control.task_model import TaskModel
 
@@ -489,6 +489,25 @@ def test_one_bag_that_gives_nothing_is_one_line(tmp_path, train_here):
         assert code == 1 and out == "" and len(errors) == 1
         assert errors[0].startswith("train: %s: %s" % (tmp_path / name, reason))
         assert not model.exists()
+
+
+def test_a_long_bag_beside_a_short_one_trains(tmp_path, train_here):
+    # 79 and 19 samples: without the long bag 19 could not hold three components; fifths are left out instead
+    paths = [write(tmp_path / name, driving(seconds)) for name, seconds in (("long.bag", 8.0), ("short.bag", 2.0))]
+    code, out, errors = train_here(*paths, "--output", tmp_path / "m.npz", "--json")
+    assert code == 0 and errors == [] and json.loads(out)["left_out"] == "fifth of the samples"
+    # 59 samples: a fifth left out, 47 remain
+    code, _, errors = train_here(write(tmp_path / "a.bag", driving(6.0)), "--output", tmp_path / "n.npz")
+    assert code == 1 and "a.bag: leaving out part 1 of 5 to judge the fit: 47 samples are too few" in errors[0]
+    assert not (tmp_path / "n.npz").exists()
+
+
+def test_a_bag_is_added_to_the_shipped_model_where_there_is_no_own(tmp_path, train_here, monkeypatch):
+    monkeypatch.setattr(training, "AUTO_COMPONENTS", (1,))  # BIC of all K takes its time
+    path, own = write(tmp_path / "a.bag", driving(8.0)), tmp_path / "mine.npz"
+    code, _, errors = train_here("--add", path, "--output", own, "--components", "1")
+    assert code == 0 and errors == []
+    assert len(TaskModel.load(own).training.samples) == len(TaskModel.load("paper").training.samples) + 79
 
 
 def test_a_model_is_not_written_over_a_recording(tmp_path, train_here):
