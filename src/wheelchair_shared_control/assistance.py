@@ -77,7 +77,7 @@ class Assistance:
         cancelled = inputs.cancel and not self._cancel_was
         self._press_was, self._cancel_was = bool(inputs.press), bool(inputs.cancel)
         if now < self._since:  # time went back (a bag, a reset of the simulator)
-            self._since = self._asked = self._goal_sent = now
+            self._since = self._asked = self._goal_sent = self._seen = now
             self._back_since = self._off_since = None
         actions = {"goal": None, "cancel_goal": False, "detect": False}
         if self.state in (DETECTING, ASSISTING) and (pressed or cancelled):

@@ -400,3 +400,13 @@ def test_time_that_goes_back_leaves_no_assistance_half_ended(settings):
     chair.pose = np.array([0.0, 0.0, np.radians(-105.0)])
     assert chair.run(1.5, navigator_status="active").state == ASSISTING
     assert chair.run(1.0, navigator_status="active").state == MANUAL
+
+
+def test_time_that_goes_back_hides_no_later_look_at_the_doorway(settings):
+    chair = Chair(settings)
+    chair.assist()
+    chair.now = 1.0
+    chair.step(navigator_status="active")
+    for _ in range(20):
+        out = chair.step(doorways=(door(2.0, 0.15, stamp=chair.now),), navigator_status="active")
+    assert out.state == ASSISTING and out.doorway.pose[1] == pytest.approx(0.15, abs=0.01)
