@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wheelchair_shared_control import parameters
-from wheelchair_shared_control.experiments import code_version, compare, episode, options, referee, results
+from wheelchair_shared_control.experiments import batch, code_version, compare, episode, options, referee, results
 
 BASE = options.Options()
 
@@ -229,3 +229,10 @@ def test_what_cannot_be_is_refused_in_one_line(tmp_path, words, told):
     done = subprocess.run([sys.executable, str(program)] + words[1:] + more, stderr=subprocess.PIPE, text=True)
     assert done.returncode == (1 if "--dask" in words else 2)
     assert told in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_a_worker_with_other_code_is_refused(monkeypatch):
+    there = batch._one(BASE, 1, "another")
+    assert "a worker runs other code" in there  # and nothing was driven
+    monkeypatch.setattr(batch.episode, "run", lambda options, seed: {"seed": seed})
+    assert batch.run([(BASE, 1), (BASE, 2)]) == [{"seed": 1}, {"seed": 2}]

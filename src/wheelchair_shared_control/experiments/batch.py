@@ -6,7 +6,7 @@ from joblib import Parallel, delayed, parallel_config
 
 from wheelchair_shared_control import command_line
 from wheelchair_shared_control.errors import Error
-from wheelchair_shared_control.experiments import episode
+from wheelchair_shared_control.experiments import code_version, episode
 
 
 class BatchError(Error):
@@ -26,7 +26,8 @@ def as_completed(pairs, jobs=1, label="episodes", dask=None, done=0):
     """
     if not pairs:
         return
-    tasks = (delayed(_one)(options, seed) for options, seed in pairs)
+    code = code_version.digest()
+    tasks = (delayed(_one)(options, seed, code) for options, seed in pairs)
     backend, lost = _backend(jobs, dask)
     try:
         with backend:
@@ -57,8 +58,13 @@ def _backend(jobs, dask):
     return parallel_config(backend="dask"), KilledWorker
 
 
-def _one(options, seed):
-    """One result, or the message of a failure that the user can mend (an exception would bring a traceback)."""
+def _one(options, seed, code):
+    """One result, or the message of a failure that the user can mend (an exception would bring a traceback).
+
+    ``code`` is the digest of the caller's code: a Dask worker may have been started before an edit, or elsewhere.
+    """
+    if code_version.digest() != code:
+        return "a worker runs other code or other numbers of config/ than this process: start the workers anew"
     try:
         return episode.run(options, seed)
     except Error as error:
