@@ -66,7 +66,7 @@ def goal_pose_of(message):
     yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     pose = np.array([message.position.x, message.position.y, yaw])
     if not np.isfinite(pose).all():
-        raise ConversionError("position (%g, %g) is not finite" % tuple(pose[:2]))
+        raise ConversionError("invalid position (%g, %g): it is not finite" % tuple(pose[:2]))
     return pose
 
 
@@ -223,7 +223,7 @@ def points_of(message):
     if (
         data.size != message.row_step * message.height
         or message.row_step < message.width * message.point_step
-        or (message.point_step and max(ends) > message.point_step)
+        or (data.size and max(ends) > message.point_step)
     ):
         raise ConversionError(
             "point cloud: %d bytes do not hold %d x %d points of %d bytes"

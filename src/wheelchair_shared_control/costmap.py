@@ -175,6 +175,9 @@ class Costmap:
             raise CostmapError("depth image of shape %s for a camera of %d x %d" % (
                 image.shape, camera.width, camera.height))
         transform = self._transform(odom_from_camera)
+        if not settings.inf_is_valid:
+            image = np.where(np.isposinf(image), np.float32(np.nan), image)
+            image.setflags(write=False)  # as images that came in messages: the kernels are compiled for those
         sampled = image[::8, ::8]
         if not (np.isinf(sampled) | (sampled > 0.0)).mean() > 0.01:
             return False
@@ -228,6 +231,10 @@ class Costmap:
         ranges, angles = np.asarray(ranges, dtype=float), np.asarray(angles, dtype=float)
         if ranges.shape != angles.shape or ranges.ndim != 1:
             raise CostmapError("%d ranges at %d angles" % (ranges.size, angles.size))
+        low, high = settings.min_obstacle_height, settings.max_obstacle_height
+        if not low <= height <= high:
+            raise CostmapError("%s: the scan lies %.2f m above the floor, limits %.2f and %.2f m" % (
+                source, height, low, high))
         x, y, yaw = self._pose(odom_from_sensor)
         valid = np.isfinite(ranges) & (ranges > 0.0) & (ranges <= range_max)
         free = np.isposinf(ranges) & settings.inf_is_valid
@@ -257,7 +264,7 @@ class Costmap:
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
         places = {"front": r.x_front, "middle": r.x_middle, "rear": r.x_rear}
         for name, value in zip(RANGERS, values):
-            if math.isnan(value):
+            if math.isnan(value) or (value == math.inf and not settings.inf_is_valid):
                 continue
             side, place = name.split("_")
             left = 1.0 if side == "left" else -1.0
@@ -290,7 +297,9 @@ class Costmap:
                      s.memory_time, s.static_time)
         find_lethal(self._odds, self._places, self._known, self._lethal_odds, self._lethal, self._boxes)
         distance = np.empty(self._shape, np.float32)
-        distance_transform(self._lethal, self.resolution, s.distance_cap, distance, self._nearest)
+        # what is inflated must be measured
+        cap = max(s.distance_cap, s.inflation_radius + 2.0 * self.resolution)
+        distance_transform(self._lethal, self.resolution, cap, distance, self._nearest)
         cost = np.empty(self._shape, np.uint8)
         padded = footprints.grown(self.footprint, s.footprint_padding)
         costs(distance, self._known, self.resolution, padded.inscribed_radius, s.inflation_radius,
@@ -298,7 +307,9 @@ class Costmap:
         measure_to_surface(distance, self._nearest, self._boxes, self.resolution, s.inflation_radius)
         surface = self._boxes.copy()
         surface.setflags(write=False)
-        stamp = min((self.newest.get(name, -math.inf) for name in self._required), default=float(now))
+        # without any source nothing is ever seen; where none is required, nobody waits for one
+        nobody = float(now) if s.observation_sources.split() else -math.inf
+        stamp = min((self.newest.get(name, -math.inf) for name in self._required), default=nobody)
         return CostmapSnapshot(cost, distance, self._known.astype(bool), self.resolution, self.origin, stamp,
                                (self._known == PRESUMED) | (self._known == DOUBTFUL), self._known == DOUBTFUL, surface)
 
@@ -379,7 +390,7 @@ class Costmap:
     def _since(self, source, stamp):
         """Time [s] that a look of ``source`` stands for, and note its stamp."""
         before = self.newest.get(source, -math.inf)
-        self.newest[source] = max(before, float(stamp))
+        self.newest[source] = float(stamp)  # also an earlier one: a stamp from the future must not last
         return min(max(stamp - before, 0.0), 0.2) if math.isfinite(before) else 0.0
 
     def _apply(self, image, intrinsics, camera_from_odom, position, source_settings, source, stamp, density=None):

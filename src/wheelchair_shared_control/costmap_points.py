@@ -32,7 +32,8 @@ def count_points(points, sensor, image, origin, resolution, limits,
             continue
         used += 1
         u = int(np.arctan2(-dy, dx) * INTRINSICS[0] + INTRINSICS[2] + 0.5)
-        v = int(np.arctan2(-dz, level) * INTRINSICS[1] + INTRINSICS[3] + 0.5)
+        # straight down would be the row below the last
+        v = min(int(np.arctan2(-dz, level) * INTRINSICS[1] + INTRINSICS[3] + 0.5), SHAPE[0] - 1)
         if np.isnan(image[v, u]):
             filled += 1
             image[v, u] = distance

@@ -210,6 +210,8 @@ def costmap_settings(navigation=None):
     for name, data_type in DATA_TYPES.items():
         # a bag's sources come as they were recorded: none is waited for
         source = dict(by_type.get(data_type, image), data_type=data_type, expected_update_rate=0.0)
+        if data_type == "LaserScan" and data_type not in by_type:
+            source.update(min_obstacle_height=-1.0, max_obstacle_height=3.0)  # wherever it is mounted
         costmap[name] = source
     costmap["observation_sources"] = " ".join(DATA_TYPES)
     return parameters.load("move_base", nested, "the bag's costmap")

@@ -6,6 +6,7 @@ import pytest
 from costmap_scenes import CAMERA, CHAIR, SETTINGS, Renderer, box, door, floor
 
 from wheelchair_shared_control import camera as cameras
+from wheelchair_shared_control import costmap_points
 from wheelchair_shared_control.costmap import Costmap, CostmapError, to_grid
 from wheelchair_shared_control.values import Ranges
 
@@ -372,6 +373,39 @@ def test_a_laser_scan_follows_rep_117():
     assert chair.cost(2.01, 0.01) != 254
 
 
+def test_infinity_says_nothing_where_it_is_not_valid():
+    settings = SETTINGS.replace(**{"local_costmap/camera/inf_is_valid": False, "local_costmap/rangers/inf_is_valid": False})
+    wall = box(2.0, 2.1, -1.0, 1.0, 0.0, 1.3)
+    chair = Chair(floor(), wall, settings=settings).look(times=3)
+    marked = chair.lethal(1.9, 2.2, -0.5, 0.5)
+    assert marked > 10
+    chair.look(times=3, change=lambda image: np.where(image < 2.3, np.inf, image))
+    assert chair.lethal(1.9, 2.2, -0.5, 0.5) == marked
+    chair.map.insert_ranges(Ranges(0.0, np.full(6, np.inf)), ORIGIN)
+    chair.snapshot = chair.map.update(ORIGIN, chair.now)
+    assert not chair.known(0.16, 1.2)
+
+
+def test_inflation_beyond_the_cap_of_distances_leaves_an_empty_map_empty():
+    settings = SETTINGS.replace(**{
+        "local_costmap/inflation_radius": 2.5, "local_costmap/cost_scaling_factor": 1.0,
+        "local_costmap/distance_cap": 1.5, "local_costmap/track_unknown_space": False})
+    costmap = Costmap(settings.local_costmap, CHAIR)
+    costmap.move_to(ORIGIN)
+    snapshot = costmap.update(ORIGIN, 0.0)
+    assert (snapshot.cost == 0).all() and snapshot.distance.min() > 2.5
+
+
+def test_points_straight_above_and_below_the_sensor_stay_in_the_spherical_image():
+    sensor, count = np.array([0.0, 0.0, 1.0]), costmap_points.count_points.py_func  # with Python's check of indices
+    points = sensor + np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [-1.0, 1e-9, 0.0]])
+    image = np.empty(costmap_points.SHAPE, np.float32)
+    counters = [np.zeros((80, 80), kind) for kind in (np.int32, np.uint16, np.uint16, np.int32, np.int32)]
+    limits = (0.05, 1.45, 4.0, 4.4, 0.05, 1.5, 3.0, 0.5)
+    used, _ = count(points, sensor, image, np.array([-1.0, -1.0]), 0.025, limits, *counters)
+    assert used == 4 and counters[3].sum() == 1, "the one straight below is floor"
+
+
 def test_rangers_watch_the_sides():
     # 0.40 m from a sensor that sits 0.175 m beside the middle: a wall at y = 0.575
     chair = Chair(floor())
@@ -423,11 +457,26 @@ def test_the_stamp_is_that_of_the_oldest_required_source():
     assert chair.map.update(ORIGIN, 101.0).stamp == 100.0, "rangers cannot hide a dead camera"
 
 
+def test_a_stamp_from_the_future_does_not_last():
+    chair = Chair(floor()).look()
+    for stamp in (1e6, 100.2):
+        chair.map.insert_ranges(Ranges(stamp, np.full(6, np.inf)), ORIGIN)
+    chair.now = 100.1
+    assert chair.look().snapshot.stamp == 100.1
+
+
+def test_without_a_source_the_costmap_is_never_complete():
+    settings = SETTINGS.replace(**{"local_costmap/observation_sources": ""})
+    costmap = Costmap(settings.local_costmap, CHAIR)
+    assert costmap.update(ORIGIN, 5.0).stamp == -math.inf
+
+
 @pytest.mark.parametrize("call, message", [
     (lambda m: m.insert_depth(np.zeros((4, 5)), CAMERA, np.eye(4), 0.0), "320 x 240"),
     (lambda m: m.insert_depth(np.zeros((240, 320)), CAMERA, np.full((4, 4), np.nan), 0.0), "finite 4 x 4"),
     (lambda m: m.insert_points(np.zeros((4, 2)), np.zeros(3), 0.0, source="camera"), r"\(n, 3\)"),
     (lambda m: m.insert_scan(np.zeros(3), np.zeros(2), 5.0, ORIGIN, 0.3, 0.0, source="camera"), "3 ranges at 2"),
+    (lambda m: m.insert_scan(np.ones(2), np.zeros(2), 5.0, ORIGIN, 1.9, 0.0, source="camera"), "1.90 m .*limits 0.05"),
     (lambda m: m.insert_ranges(Ranges(0.0, np.zeros(5)), ORIGIN), "5 range readings"),
     (lambda m: m.insert_scan(np.zeros(2), np.zeros(2), 5.0, ORIGIN, 0.3, 0.0, source="sonar"), "'sonar'"),
     (lambda m: m.move_to(np.array([0.0, np.inf, 0.0])), "three finite"),

@@ -131,6 +131,26 @@ def test_nothing_known_yet_stops():
     assert navigator.update(0.0, lost, snapshot(FREE, np.zeros(3), 0.0)).command == STOP
 
 
+def test_a_source_that_never_came_is_named_as_the_reason():
+    navigator = Navigator(SETTINGS)
+    navigator.set_goal((1.0, 0.0, 0.0), 0.0)
+    seen = snapshot(FREE, np.zeros(3), 0.0)._replace(stamp=-np.inf)
+    decision = navigator.update(0.0, Odometry(0.0, np.zeros(3), AT_REST), seen)
+    assert (decision.command, decision.reason) == (STOP, "costmap is not complete: a required source has sent nothing yet")
+
+
+def test_a_clock_that_is_set_back_does_not_keep_the_chair_waiting():
+    navigator, pose = Navigator(SETTINGS), np.zeros(3)
+    navigator.set_goal((2.0, 0.0, 0.0), 1000.0)
+    for start in (1000.0, 3.0):
+        speeds = []
+        for k in range(20):
+            now = start + 0.05 * k
+            seen = snapshot(FREE, pose, now)
+            speeds.append(navigator.update(now, Odometry(now, pose, AT_REST), seen).command.v)
+        assert speeds[0] < 0.1 < speeds[-1]
+
+
 def test_while_a_person_pushes_forward_the_chair_never_reverses():
     # The goal lies behind: without a person the chair may reverse to it.
     drive = Drive(box(0.9, 1.0, -2.0, 2.0), (0.0, 0.0, 0.0))

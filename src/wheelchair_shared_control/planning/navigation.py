@@ -53,6 +53,7 @@ class Navigator:
         self._forget()
         self.status, self.reason = IDLE, ""
         self._zero_due = False
+        self._updated = -np.inf
 
     def _forget(self):
         self.goal = None
@@ -111,6 +112,9 @@ class Navigator:
             # as the blender takes it: within the chair's limits, and what is not finite is nobody's
             limit = self.settings.wheelchair.limits.speed
             user_v = min(max(user_v, -limit), limit) if np.isfinite(user_v) else None
+        if now < self._updated:
+            self._clock_was_set_back()
+        self._updated = now
         if self.status != ACTIVE:
             command = STOP if self._zero_due else None
             self._zero_due = False
@@ -129,6 +133,13 @@ class Navigator:
             return self._abort("no progress of %.2f m within %.0f s" % (
                 self.settings.oscillation_distance, self.settings.oscillation_timeout))
         return self._drive(now, odometry, field, user_v, candidates)
+
+    def _clock_was_set_back(self):
+        """Begin anew with the same goal: what waits for a time, or was told at one, would wait too long."""
+        goal = self.goal
+        self._forget()
+        self.goal = goal
+        self.commands.forget()
 
     def _drive(self, now, odometry, field, user_v, candidates):
         """Decision towards a goal that is not reached, over a costmap that is fresh: what a rival planner replaces.
@@ -172,6 +183,8 @@ class Navigator:
             return "odometry is not finite"
         if snapshot is None:
             return "no costmap"
+        if snapshot.stamp == -np.inf:
+            return "costmap is not complete: a required source has sent nothing yet"
         if not abs(now - snapshot.stamp) <= s.costmap_timeout:
             return "costmap is %.1f s old, limit %.1f s" % (now - snapshot.stamp, s.costmap_timeout)
         return ""

@@ -15,7 +15,8 @@ def warm_up(settings):
     camera = cameras.from_settings(settings.wheelchair)
     odom_from_camera = cameras.mounting(settings.wheelchair)
     for name in settings.local_costmap.observation_sources.split():
-        kind = getattr(settings.local_costmap, name).data_type
+        source = getattr(settings.local_costmap, name)
+        kind = source.data_type
         if kind == "Image":
             image = np.full((camera.height, camera.width), 2.0, np.float32)
             image.setflags(write=False)  # as an image that came as a message: another form of the kernels
@@ -26,7 +27,8 @@ def warm_up(settings):
             costmap.insert_points(points, (0.25, 0.0, 1.1), now, source=name)
         elif kind == "LaserScan":
             angles = np.linspace(-1.0, 1.0, 50)
-            costmap.insert_scan(2.0 / np.cos(angles), angles, 5.0, pose, 0.3, now, source=name)
+            height = 0.5 * (source.min_obstacle_height + source.max_obstacle_height)
+            costmap.insert_scan(2.0 / np.cos(angles), angles, 5.0, pose, height, now, source=name)
         else:
             costmap.insert_ranges(Ranges(now, np.full(len(RANGERS), 0.6)), pose, source=name)
     for _ in range(2):
