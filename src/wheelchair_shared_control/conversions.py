@@ -170,7 +170,8 @@ def depth_of(message):
         raise ConversionError("depth image: encoding '%s' must be 32FC1 or 16UC1" % message.encoding)
     dtype = np.dtype((">" if message.is_bigendian else "<") + kind)
     data = np.frombuffer(message.data, dtype=np.uint8)
-    if message.step < message.width * dtype.itemsize or data.size != message.step * message.height or not data.size:
+    filled = message.width > 0 and message.step >= message.width * dtype.itemsize
+    if not filled or data.size != message.step * message.height or not data.size:
         raise ConversionError(
             "depth image: %d bytes do not hold %d x %d pixels of %s"
             % (data.size, message.width, message.height, message.encoding)
@@ -260,9 +261,10 @@ def scan_of(message):
     """
     ranges = np.asarray(message.ranges, dtype=float)
     low, high = float(message.range_min), float(message.range_max)
-    angles = message.angle_min + np.arange(ranges.size) * message.angle_increment
+    with np.errstate(invalid="ignore"):
+        angles = message.angle_min + np.arange(ranges.size) * message.angle_increment
     if not (np.isfinite(angles).all() and np.isfinite([low, high]).all() and low < high):
-        raise ConversionError("laser scan: its angles or range limits are not finite")
+        raise ConversionError("laser scan: its angles and limits must be finite, range_min below range_max")
     with np.errstate(invalid="ignore"):
         outside = np.isfinite(ranges) & ((ranges < low) | (ranges > high))
     return angles, np.where(outside, np.nan, ranges), (low, high)

@@ -374,7 +374,8 @@ def test_a_laser_scan_follows_rep_117():
 
 
 def test_infinity_says_nothing_where_it_is_not_valid():
-    settings = SETTINGS.replace(**{"local_costmap/camera/inf_is_valid": False, "local_costmap/rangers/inf_is_valid": False})
+    settings = SETTINGS.replace(**{
+        "local_costmap/camera/inf_is_valid": False, "local_costmap/rangers/inf_is_valid": False})
     wall = box(2.0, 2.1, -1.0, 1.0, 0.0, 1.3)
     chair = Chair(floor(), wall, settings=settings).look(times=3)
     marked = chair.lethal(1.9, 2.2, -0.5, 0.5)

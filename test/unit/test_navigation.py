@@ -136,7 +136,8 @@ def test_a_source_that_never_came_is_named_as_the_reason():
     navigator.set_goal((1.0, 0.0, 0.0), 0.0)
     seen = snapshot(FREE, np.zeros(3), 0.0)._replace(stamp=-np.inf)
     decision = navigator.update(0.0, Odometry(0.0, np.zeros(3), AT_REST), seen)
-    assert (decision.command, decision.reason) == (STOP, "costmap is not complete: a required source has sent nothing yet")
+    assert decision.command == STOP
+    assert decision.reason == "costmap is not complete: a required source has sent nothing yet"
 
 
 def test_a_clock_that_is_set_back_does_not_keep_the_chair_waiting():
