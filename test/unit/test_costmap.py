@@ -253,13 +253,14 @@ def test_the_window_moves_by_whole_cells_and_keeps_what_it_saw():
 
 
 def test_the_chairs_own_body_never_marks():
-    # the person's knees: inside the outline, 0.6 m before the camera would be outside, so lower the mask
-    points = np.array([[x, y, 0.6] for x in np.linspace(-0.3, 0.69, 60) for y in np.linspace(-0.32, 0.32, 60)])
-    settings = with_source("points", "PointCloud2")
-    costmap = Costmap(settings.local_costmap, CHAIR)
-    costmap.move_to(ORIGIN)
-    costmap.insert_points(points, (0.25, 0.0, 1.1), 0.0)
-    assert not (costmap.update(ORIGIN, 0.0).cost == 254).any()
+    # a person's shins, 0.65 m ahead of the axle: inside the outline, whose front edge lies at 0.70 m
+    points = np.array([[0.65, y, z] for y in np.arange(-0.3, 0.3, 0.01) for z in np.arange(0.3, 0.7, 0.01)])
+    for pose, marks in ((ORIGIN, False), (np.array([-1.5, 0.0, 0.0]), True)):
+        costmap = Costmap(with_source("points", "PointCloud2").local_costmap, CHAIR)
+        costmap.move_to(pose)
+        for k in range(3):
+            costmap.insert_points(points, (0.25, 0.0, 1.1), 0.1 * k)
+        assert (costmap.update(pose, 0.3).cost == 254).any() == marks
 
 
 def test_driving_over_a_place_frees_it():
