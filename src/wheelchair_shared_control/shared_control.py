@@ -221,7 +221,8 @@ class SharedControl:
             guard_state = guard_state if guard_state == STOPPED else DEGRADED
         sent = self._spoken(command, now, alone or not self._absent(inputs, ages))
 
-        features_ = self.query(inputs) or (math.nan,) * 4
+        features_ = None if sensors.degraded else self.query(inputs)  # of a dead costmap's last grid they are none
+        features_ = features_ or (math.nan,) * 4
         learned = prediction if prediction is not None else _NO_PREDICTION
         return State(
             now, inputs.user, inputs.planner, blended, sent, *features_,

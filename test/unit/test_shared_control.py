@@ -175,6 +175,7 @@ class TestDegraded:
         run.go(0.2, user=CENTRE)
         states = run.go(2.0, user=Twist(0.6, 0.0))
         assert states[-1].sent.v == pytest.approx(0.15) and states[-1].guard == DEGRADED
+        assert math.isnan(states[-1].d_f)  # nobody knows
         assert "ranges alone" in states[-1].reason
         # it comes back: full speed at once, no centring
         assert run.go(2.0, dead=[])[-1].sent.v == pytest.approx(0.6)
