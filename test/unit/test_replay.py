@@ -5,7 +5,7 @@ from PIL import Image
 
 from wheelchair_shared_control import bags
 from wheelchair_shared_control.command_line import OutputError, to_json
-from wheelchair_shared_control.experiments import episode, episode_bag, film, options
+from wheelchair_shared_control.experiments import episode, episode_bag, figures, film, options
 
 CHOSEN = options.Options(
     detector=False, camera=options.CAMERAS["160x120"], scene="right_wall", user="hard_right",
@@ -59,6 +59,16 @@ def test_the_bag_holds_what_the_blender_decided(recorded):
     beta = np.array([state.beta for state in states])
     assert np.array_equal(beta, run.log.beta, equal_nan=True)
     assert costmaps == pytest.approx(10.0 * run.log.time[-1], abs=2.0)  # 10 Hz
+
+
+def test_the_figure_shows_the_whole_track_and_warns_of_nothing(recorded, tmp_path, caplog):
+    _, run, _ = recorded
+    figure = figures.crossing(run.log, run.world, run.door, run.footprint, "a title")
+    figures.save(figure, tmp_path / "crossing.png")
+    assert not caplog.records
+    view = figure.axes[0]
+    for span, place in ((view.get_xlim(), run.log.truth[:, 0]), (view.get_ylim(), run.log.truth[:, 1])):
+        assert span[0] < place.min() - 0.9 and place.max() + 0.9 < span[1]
 
 
 def test_no_bag_is_left_where_the_episode_failed(tmp_path):

@@ -132,8 +132,9 @@ def top_view(axes, log, world, door, footprint, every=0.7):
             )
     if len(log.truth):
         low, high = log.truth[:, :2].min(axis=0) - 1.0, log.truth[:, :2].max(axis=0) + 1.0
-        axes.set_xlim(min(low[0], -1.5), max(high[0], 1.5))
-        axes.set_ylim(min(low[1], -1.5), max(high[1], 1.5))
+        # auto: the aspect may widen them, without a warning
+        axes.set_xlim(min(low[0], -1.5), max(high[0], 1.5), auto=True)
+        axes.set_ylim(min(low[1], -1.5), max(high[1], 1.5), auto=True)
     # the scene fills the panel, whatever its shape
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("past the door plane [m]")
