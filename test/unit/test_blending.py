@@ -179,8 +179,8 @@ class TestLearnedConfidence:
 
     def test_unseen_does_not_mean_forbidden(self):
         # A model that allows nothing, in the open: the bound alone speaks.
-        # T = 4 s: s = e (2 - 0.03) / (0.7 * 4 + 0.3 * 16 / 2) = 1.03, beta = exp(-0.5 / 1.03) = 0.62
-        assert self.bounded((0.4, 0.5), (0.4, 0.0), (2.0, 2.0, 2.0)).beta == pytest.approx(0.615, abs=0.001)
+        # T = 5 s: s = e (2 - 0.03) / (0.7 * 5 + 0.3 * 25 / 2) = 0.739, beta = exp(-0.5 / 0.739) = 0.508
+        assert self.bounded((0.4, 0.5), (0.4, 0.0), (2.0, 2.0, 2.0)).beta == pytest.approx(0.508, abs=0.001)
 
     def test_unseen_does_not_mean_free(self):
         # A model that allows everything, 4 cm beside a wall: the planner turns.

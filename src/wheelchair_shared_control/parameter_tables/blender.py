@@ -56,7 +56,7 @@ TABLE = [
     P("minimum_vfh/door_margin", float, "m", 0.0, 0.5, "the same in door mode"),
     P("minimum_vfh/door_distance", float, "m", 0.0, 10.0, "this near to a latched doorway it is door mode"),
     P("minimum_vfh/slow_distance", float, "m", 0.05, 5.0, "a lane free for less slows the chair in proportion"),
-    P("confidence/horizon", float, "s", 0.1, 5.0, "time T for which a deviation may last before it is corrected"),
+    P("confidence/horizon", float, "s", 0.1, 10.0, "time T for which a deviation may last before it is corrected"),
     P("confidence/margin", float, "m", 0.0, 0.5, "clearance that no deviation may use up"),
     P("confidence/transition", float, "", 0.01, 20.0, "log density below the 5 % quantile where the bound rules alone"),
     P("ages/user", float, "s", 0.05, 2.0, "older: the chair stops"),
