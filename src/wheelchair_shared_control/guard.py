@@ -24,10 +24,10 @@ SLIDE_BELOW = 0.3  # of the command left on its own arc: below, a part of it may
 CREEP = 0.1
 # A door of 0.71 m leaves a chair of 0.65 m 3 cm a side: driven straight on, it may come by this much [m] closer to
 # the ragged surface than it stands, down to CLOSEST. Turns have no such allowance.
-PASSING = 0.006
-CLOSEST = 0.006
+PASSING = 0.004
+CLOSEST = 0.008
 STRAIGHT = 0.2
-EDGE = 0.004  # m beside the outline: within it, an obstacle stands in the way straight on
+GRAZE = 0.003  # m: what reaches no further into the lane of the chair does not close it: so far a box errs
 # of a cell: without the costmap's surface, so far before the edge of a lethal cell an obstacle may begin, for a cell
 # that is filled less than half is left free (`costmap_surface`)
 JUTS = 0.5
@@ -247,7 +247,7 @@ class Guard:
         velocities[len(still) : len(still) + len(moved)] = scene.moving_velocity
         kinds = np.concatenate((np.zeros(len(still), int), np.ones(len(moved), int), unknown_kinds))
         solid = boxes[: len(still) + len(moved)]
-        lane = box.half_width + EDGE + scene.jut
+        lane = box.half_width - GRAZE + scene.jut
         way_closed = [
             sweep.way_is_closed(solid, pose, forward, LANE, box.front, box.rear, lane) for forward in (False, True)
         ]

@@ -153,19 +153,19 @@ def gather(
             d = signed_distance(cos * dx + sin * dy, cos * dy - sin * dx, front, rear, half_width)
             if kind == 1 and d <= reach:
                 lethal[n_lethal, 0], lethal[n_lethal, 1] = x, y
-                x_low, x_high, y_low, y_high = 0, 4, 0, 4
+                x_low, x_high, y_low, y_high = 0.0, 4.0, 0.0, 4.0
                 if fine:
                     r, c = first_r + i, first_c + j
-                    x_low, x_high = surface[r, c, 0], surface[r, c, 1] + 1
-                    y_low, y_high = surface[r, c, 2], surface[r, c, 3] + 1
+                    x_low, x_high = surface[r, c, 0], surface[r, c, 1] + 1.0
+                    y_low, y_high = surface[r, c, 2], surface[r, c, 3] + 1.0
                     if kinds[i, j - 1] == 1:
-                        x_low = min(x_low, 0)
+                        x_low = min(x_low, 0.0)
                     if kinds[i, j + 1] == 1:
-                        x_high = max(x_high, 4)
+                        x_high = max(x_high, 4.0)
                     if kinds[i - 1, j] == 1:
-                        y_low = min(y_low, 0)
+                        y_low = min(y_low, 0.0)
                     if kinds[i + 1, j] == 1:
-                        y_high = max(y_high, 4)
+                        y_high = max(y_high, 4.0)
                 left, below = x - 2.0 * quarter, y - 2.0 * quarter
                 boxes[n_lethal, 0], boxes[n_lethal, 1] = left + x_low * quarter, left + x_high * quarter
                 boxes[n_lethal, 2], boxes[n_lethal, 3] = below + y_low * quarter, below + y_high * quarter

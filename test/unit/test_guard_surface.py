@@ -113,7 +113,7 @@ def test_a_lethal_cell_without_a_box_is_whole():
 
 
 def test_measures_to_the_box_and_not_to_its_centre():
-    # 10 cm ahead of the front edge, the surface 3/4 of a cell into its cell: 0.1 m + 0.01875 m
+    # 10 cm ahead of the front edge, the surface in the last quarter of its cell: 0.1 m + 0.75 * 0.025 m
     grid = filled(empty(), (0.8, 0.825), (-0.5, 0.5))
     fine = with_surface(grid, (3, 3, 0, 3), grid.cells == LETHAL)
     guard, guarding = Guard(SETTINGS), SETTINGS.guarding

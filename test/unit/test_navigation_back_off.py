@@ -26,6 +26,20 @@ def test_a_chair_that_is_held_back_comes_again_from_farther_away():
     assert v[:first].max() > 0.1
 
 
+def test_a_chair_that_may_drive_nothing_forward_comes_again_from_farther_away():
+    drive = Drive(door(0.90), (-1.5, 0.0, 0.0))
+    legal = drive.navigator.commands.legal
+
+    def backward_only(field, acting, command, path):
+        chosen = legal(field, acting, command, path)
+        return chosen if command.v < 0.0 else (None,) + chosen[1:]
+
+    drive.navigator.commands.legal = backward_only
+    v = speeds(drive, 3.0)
+    first = int(np.argmax(v < 0.0))
+    assert 1.5 < first * 0.05 < 2.6 and v.max() == 0.0
+
+
 def test_who_is_held_for_ever_is_told_so():
     decision = Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD).to((1.5, 0.0, 0.0), limit=60.0)
     assert decision.status == ABORTED

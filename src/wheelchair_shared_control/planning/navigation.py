@@ -273,7 +273,10 @@ class Navigator:
 
     # --- backing off -------------------------------------------------------------------------------------
     def _back_off(self, now, odometry, field, anchor, user_v):
-        """Begin a way back where the chair stands although it is told to move; nothing while a person drives."""
+        """Begin a way back where the chair stands although it is told to move, or finds nothing to tell it.
+
+        Nothing while a person drives.
+        """
         held = self._held(now, odometry, user_v is None)
         if not held or self.settings.planner.min_vel_x >= 0.0 or self._backs >= BACK_TIMES:
             return
@@ -286,8 +289,9 @@ class Navigator:
         self.commands.note(now, STOP)  # it stands: what was told last need not be braked from
 
     def _held(self, now, odometry, obeyed):
-        """Whether the chair stands although it has long been told to move.
+        """Whether the chair stands although it has long been told to move, or although it has a path.
 
         ``obeyed``: that it is told so by nobody else, or by a person, too: a stick at rest keeps the chair where it is.
         """
-        return self._hold.update(now, odometry.pose, self.commands.moving and obeyed)
+        told = self.commands.moving or self._since_legal is not None
+        return self._hold.update(now, odometry.pose, told and obeyed)
