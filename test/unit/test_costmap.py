@@ -6,7 +6,7 @@ import pytest
 from costmap_scenes import CAMERA, CHAIR, SETTINGS, Renderer, box, door, floor
 
 from wheelchair_shared_control import camera as cameras
-from wheelchair_shared_control import costmap_points
+from wheelchair_shared_control import costmap_points, parameters
 from wheelchair_shared_control.costmap import Costmap, CostmapError, to_grid
 from wheelchair_shared_control.values import Ranges
 
@@ -284,6 +284,16 @@ def test_clear_outside_keeps_what_is_near():
     assert chair.lethal(1.7, 2.0, -0.3, 0.3) > 5 and chair.lethal(2.4, 2.7, 0.4, 1.0) == 0
 
 
+def test_whatever_the_limits_allow_an_obstacle_becomes_lethal():
+    rows = parameters.table("move_base")
+    settings = SETTINGS.replace(**{
+        "local_costmap/lethal_probability": rows["local_costmap/lethal_probability"].high,
+        "local_costmap/log_odds_max": rows["local_costmap/log_odds_max"].low,
+        "local_costmap/hit": rows["local_costmap/hit"].low})
+    chair = Chair(floor(), box(2.0, 2.2, -0.4, 0.4, 0.0, 1.0), settings=settings).look(times=25)
+    assert chair.lethal(1.95, 2.25, -0.45, 0.45) > 10
+
+
 def test_costs_are_those_of_costmap_2d():
     chair = Chair(floor(), box(2.0, 2.05, -0.01, 0.01, 0.0, 1.0)).look(times=3)
     s = chair.snapshot
@@ -311,7 +321,6 @@ def test_costs_are_those_of_costmap_2d():
 
 def with_source(name, data_type, **changes):
     """Settings with one more source, described as the camera is."""
-    from wheelchair_shared_control import parameters
     given = parameters.read_yaml(parameters.package_file("config/move_base.yaml"))
     given["wheelchair"] = parameters.read_yaml(parameters.package_file("config/wheelchair.yaml"))
     given["local_costmap"][name] = dict(given["local_costmap"]["camera"], data_type=data_type, **changes)

@@ -22,11 +22,12 @@ TABLE = [
     P("local_costmap/inflation_radius", float, "m", 0.0, 3.0, "reach of the cost about a lethal cell"),
     P("local_costmap/cost_scaling_factor", float, "1/m", 0.1, 100.0, "decay k of floor(252 exp(-k (d - r)))"),
     # --- local costmap: ours -----------------------------------------------------------------------------
-    P("local_costmap/lethal_probability", float, "", 0.5, 0.95, "a cell is lethal from this probability on"),
-    P("local_costmap/hit", float, "", 0.0, 5.0, "log-odds that one clear hit adds"),
+    # Up to 0.85, log-odds of 1.73: below the least log_odds_max, or nothing would ever be lethal.
+    P("local_costmap/lethal_probability", float, "", 0.5, 0.85, "a cell is lethal from this probability on"),
+    P("local_costmap/hit", float, "", 0.1, 5.0, "log-odds that one clear hit adds"),
     P("local_costmap/miss", float, "", 0.0, 5.0, "log-odds that one look through a cell takes away"),
     P("local_costmap/log_odds_min", float, "", -5.0, 0.0, "least log-odds; near 0 an intruder shows at once"),
-    P("local_costmap/log_odds_max", float, "", 0.5, 5.0, "largest log-odds; small, so that the newest look wins"),
+    P("local_costmap/log_odds_max", float, "", 1.75, 5.0, "largest log-odds; small, so that the newest look wins"),
     P("local_costmap/start_margin", float, "m", 0.0, 1.0, "ground about the first footprint taken as free"),
     P("local_costmap/start_trust", float, "m", 0.0, 1.0, "the part of it that the chair may reverse over unseen"),
     P("local_costmap/floor_tolerance", float, "m", 0.01, 0.2, "returns this far below the floor are drop-offs"),
