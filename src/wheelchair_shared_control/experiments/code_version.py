@@ -17,14 +17,14 @@ CONFIG = ("*.yaml", "models/*.npz")
 FILES = ("policy", "user", "scene", "model", "map", "doors")
 
 
-@functools.lru_cache(maxsize=1)
-def digest():
-    """Twelve hexadecimal digits over the package's modules and config/."""
+@functools.lru_cache(maxsize=None)
+def digest(more=()):
+    """Twelve hexadecimal digits over the package's modules and config/; ``more`` names modules of experiments/."""
     root = Path(wheelchair_shared_control.__file__).parent
     config = parameters.package_file("config/wheelchair.yaml").parent
     files = [
         path for path in root.rglob("*.py")
-        if path.parent.name != "experiments" or path.stem in EXPERIMENTS
+        if path.parent.name != "experiments" or path.stem in EXPERIMENTS + tuple(more)
     ]
     for pattern in CONFIG:
         files += config.glob(pattern)
