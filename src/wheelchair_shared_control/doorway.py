@@ -14,6 +14,7 @@ from wheelchair_shared_control import (
     doorway_jambs,
     doorway_narrows,
     doorway_rays,
+    doorway_stagger,
     doorway_volume,
     doorway_walls,
 )
@@ -147,7 +148,8 @@ def _detect(rays, few, ground, settings, stamp):
             gaps.append(result)
         if doorway is not None:
             found.append(doorway)
-    doorways = _distinct(_settled(found, doubtful, settings))
+    doorways = [doorway_stagger.levelled(rays, doorway, settings)
+                for doorway in _distinct(_settled(found, doubtful, settings))]
     return Detection(tuple(doorways), tuple(walls), tuple(gaps), "" if doorways else _why(walls, gaps), ground)
 
 
