@@ -125,7 +125,7 @@ def _detect(rays, few, ground, settings, stamp):
     chosen = doorway_walls.chosen_points(few, rays.origin[:2], settings)
     walls = doorway_walls.find(chosen, rays.origin[:2], settings)
     headings = doorway_narrows.directions(chosen, settings.narrow)
-    found, gaps, doubtful, shut = [], [], [], []
+    found, gaps, doubtful, weak, shut = [], [], [], [], []
     for wall in walls:
         if (wall.line.origin - rays.origin[:2]) @ wall.line.normal < settings.wall.min_distance:
             continue
@@ -142,6 +142,8 @@ def _detect(rays, few, ground, settings, stamp):
                     found.append(doorway)
                 elif both or aligned:
                     doubtful.append(doorway)
+                else:
+                    weak.append(doorway)
     for narrow in doorway_narrows.find(rays, headings, settings):
         doorway, result = _narrow(rays, narrow, found, shut, settings, stamp)
         if result is not None:
@@ -149,7 +151,7 @@ def _detect(rays, few, ground, settings, stamp):
         if doorway is not None:
             found.append(doorway)
     doorways = [doorway_stagger.levelled(rays, doorway, settings)
-                for doorway in _distinct(_settled(found, doubtful, settings))]
+                for doorway in _distinct(_settled(found, doubtful, weak, settings))]
     return Detection(tuple(doorways), tuple(walls), tuple(gaps), "" if doorways else _why(walls, gaps), ground)
 
 
@@ -295,12 +297,12 @@ def _distinct(doorways):
     return sorted(kept, key=lambda d: float(np.hypot(d.pose[0], d.pose[1])))
 
 
-def _settled(found, doubtful, settings):
-    """Doorways (list): those ``found``, and the ``doubtful`` ones.
+def _settled(found, doubtful, weak, settings):
+    """Doorways (list): those ``found``, the ``doubtful`` ones, and the ``weak`` ones where there is nothing else.
 
     Doubtful is what the wall on one side alone tells, or walls that run along none of the building's directions. It
     gives way to what else was found at its place with another direction, or narrower, and replaces other things, as it
-    is more exact.
+    is more exact. Weak is what both holds for.
     """
     for doorway in doubtful:
         near = [other for other in found if not _is_new(doorway.pose, [other])]
@@ -308,6 +310,10 @@ def _settled(found, doubtful, settings):
                   doorway.width < other.width + SAME_WIDTH for other in near]
         if all(agrees):
             found = [other for other in found if _is_new(doorway.pose, [other])] + [doorway]
+    for doorway in weak:
+        near = [other for other in found if not _is_new(doorway.pose, [other])]
+        if not near:
+            found = found + [doorway]
     return found
 
 
