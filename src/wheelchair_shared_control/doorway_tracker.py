@@ -14,8 +14,10 @@ class _Track(NamedTuple):
     width_variance: float
     confidence: float
     seen: int
+    missed: int
     unseen: int
     stamp: float
+    latched: bool = False
 
 
 class DoorwayTracker:
@@ -40,7 +42,9 @@ class DoorwayTracker:
         """Take one frame's ``doorways`` (odom, covariance included), seen from ``odom_pose`` (3,) at ``stamp`` [s].
 
         Call it for empty frames too. Returns the tracked doorways (tuple of Doorway, odom), nearest first: those
-        seen in at least ``tracker/min_seen`` frames. Their yaw points away from ``odom_pose``.
+        seen in at least ``tracker/min_seen`` frames, and in ``tracker/min_share`` of the frames in which they were
+        in view; of several at one place that which was seen most often. One that was so in ``tracker/latch`` frames
+        is latched: told until it is dropped. Their yaw points away from ``odom_pose``.
         """
         s = self._settings
         odom_pose = np.asarray(odom_pose, dtype=float)
@@ -54,18 +58,35 @@ class DoorwayTracker:
             if index is None:
                 taken.add(len(tracks))
                 tracks.append(_Track(np.array(doorway.pose, dtype=float), self._floored(doorway.covariance),
-                                     doorway.width, s.width_sigma ** 2, doorway.confidence, 1, 0, stamp))
+                                     doorway.width, s.width_sigma ** 2, doorway.confidence, 1, 0, 0, stamp))
             else:
                 taken.add(index)
                 tracks[index] = self._fused(tracks[index], doorway, stamp)
         self._tracks = []
         for index, track in enumerate(tracks):
-            if index not in taken and self._ought_to_be_seen(track.pose, odom_pose):
-                track = track._replace(unseen=track.unseen + 1)
+            if index not in taken:
+                # one that may be half out of view speaks against what is not told yet, but drops nothing
+                track = track._replace(missed=track.missed + int(self._is_in_view(track, odom_pose)),
+                                       unseen=track.unseen + int(self._ought_to_be_seen(track.pose, odom_pose)))
             if track.unseen <= s.max_unseen and stamp - track.stamp <= s.memory:
                 self._tracks.append(track)
-        told = [self._told(track, odom_pose) for track in self._tracks if track.seen >= s.min_seen]
+        self._tracks = [track._replace(latched=track.latched or track.seen >= s.latch and self._is_frequent(track))
+                        for track in self._tracks]
+        told = [self._told(track, odom_pose) for track in self._believed()]
         return tuple(sorted(told, key=lambda d: float(np.hypot(*(d.pose[:2] - odom_pose[:2])))))
+
+    def _is_frequent(self, track):
+        return track.seen >= self._settings.min_share * (track.seen + track.missed)
+
+    def _believed(self):
+        s = self._settings
+        kept = []
+        often = [track for track in self._tracks
+                 if track.latched or track.seen >= s.min_seen and self._is_frequent(track)]
+        for track in sorted(often, key=lambda t: (-t.seen, -t.confidence)):
+            if all(np.hypot(*(track.pose[:2] - other.pose[:2])) > s.gate for other in kept):
+                kept.append(track)
+        return kept
 
     def _nearest(self, tracks, doorway, taken):
         best, best_distance = None, self._settings.gate
@@ -96,7 +117,7 @@ class DoorwayTracker:
         n = min(track.seen, 20)
         return _Track(pose, self._floored(0.5 * (covariance + covariance.T)), float(width),
                       max((1.0 - share) * track.width_variance, (0.2 * s.width_sigma) ** 2),
-                      (n * track.confidence + doorway.confidence) / (n + 1.0), track.seen + 1, 0, stamp)
+                      (n * track.confidence + doorway.confidence) / (n + 1.0), track.seen + 1, track.missed, 0, stamp, track.latched)
 
     def _floored(self, covariance):
         s = self._settings
@@ -112,6 +133,14 @@ class DoorwayTracker:
         turn = min(turn, np.pi - turn)
         return (s.view_near < np.hypot(x, y) < s.view_far and abs(np.arctan2(y, x)) < np.radians(s.view_angle)
                 and turn < np.radians(45.0))
+
+    def _is_in_view(self, track, odom_pose):
+        s = self._settings
+        half = 0.5 * track.width
+        ends = se2.transform_points(track.pose, np.array([[0.0, half], [0.0, -half]]))
+        x, y = se2.transform_points(se2.inverse(odom_pose), ends).T
+        return bool((np.hypot(x, y) < s.share_far).all()
+                    and (np.abs(np.arctan2(y, x)) < np.radians(s.share_angle)).all())
 
     def _told(self, track, odom_pose):
         pose = track.pose.copy()

@@ -55,13 +55,29 @@ def test_two_doorways_stay_two_the_nearest_first():
     assert [d.pose[0] for d in told] == pytest.approx([2.0, 3.0])
 
 
-def test_a_doorway_that_ought_to_be_seen_and_is_not_is_dropped():
+def test_a_latched_doorway_that_ought_to_be_seen_and_is_not_is_dropped():
     tracker = DoorwayTracker(SETTINGS)
-    for stamp in (0.0, 0.1):
+    for stamp in np.arange(SETTINGS.tracker.latch) * 0.1:
         tracker.update([door(2.5, 0.0)], HERE, stamp)
     for k in range(SETTINGS.tracker.max_unseen):
-        assert len(tracker.update([], HERE, 0.2 + 0.1 * k)) == 1
+        assert len(tracker.update([], HERE, 0.3 + 0.1 * k)) == 1
     assert tracker.update([], HERE, 5.0) == ()
+
+
+def test_what_looks_like_a_doorway_in_two_frames_of_five_is_not_told():
+    # 2 of 5 is less than tracker/min_share = 0.6; two frames alone are enough
+    tracker = DoorwayTracker(SETTINGS)
+    told = [len(tracker.update([door(2.5, 0.0)] if k < 2 else [], HERE, 0.1 * k)) for k in range(5)]
+    assert told[:2] == [0, 1]
+    assert told[4] == 0
+
+
+def test_of_two_readings_of_one_place_the_more_frequent_one_is_told():
+    tracker = DoorwayTracker(SETTINGS)
+    for k in range(5):
+        turned = [door(2.5, 0.1, yaw=0.6)] if k % 2 == 0 else []
+        told = tracker.update([door(2.5, 0.0)] + turned, HERE, 0.1 * k)
+    assert [round(float(doorway.pose[2]), 1) for doorway in told] == [0.0]
 
 
 def test_a_doorway_out_of_view_is_kept_until_the_memory_ends():
