@@ -117,7 +117,8 @@ class DoorwayTracker:
         n = min(track.seen, 20)
         return _Track(pose, self._floored(0.5 * (covariance + covariance.T)), float(width),
                       max((1.0 - share) * track.width_variance, (0.2 * s.width_sigma) ** 2),
-                      (n * track.confidence + doorway.confidence) / (n + 1.0), track.seen + 1, track.missed, 0, stamp, track.latched)
+                      (n * track.confidence + doorway.confidence) / (n + 1.0), track.seen + 1, track.missed, 0,
+                      stamp, track.latched)
 
     def _floored(self, covariance):
         s = self._settings
