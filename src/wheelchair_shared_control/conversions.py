@@ -22,6 +22,7 @@ FLOAT32, UINT32 = 7, 6
 # one lethal cell of a costmap's surface: middle and half sizes [m] of the box that the obstacle in it fills, and the
 # cell's number, row by row, in the grid of the same stamp
 SURFACE = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("half_x", "<f4"), ("half_y", "<f4"), ("cell", "<u4")])
+FINEST_GRID, COARSEST_GRID = 0.005, 0.5  # m: finer ones take gigabytes, in coarser ones there is no door
 # quarters of a cell that a box may reach out of its cell, see `costmap_surface`
 BOX_LOW, BOX_HIGH = -4, 7
 
@@ -294,8 +295,10 @@ def grid_of(message):
     cells = np.asarray(_int8(message.data))
     if info.width < 1 or info.height < 1 or cells.size != info.width * info.height:
         raise ConversionError("grid: %d cells do not fill %d x %d" % (cells.size, info.width, info.height))
-    if not (np.isfinite(info.resolution) and info.resolution > 0.0):
-        raise ConversionError("grid: resolution %g must be positive" % info.resolution)
+    if not FINEST_GRID <= info.resolution <= COARSEST_GRID:
+        raise ConversionError("grid: resolution %g m is not within %g to %g" % (
+            info.resolution, FINEST_GRID, COARSEST_GRID))
+    _check_costs("grid", cells)
     origin = pose_of(info.origin)
     if abs(origin[2]) > 1e-3:
         raise ConversionError("grid: an origin turned by %g rad is not supported" % origin[2])
@@ -305,6 +308,12 @@ def grid_of(message):
         cells, float(info.resolution), (float(origin[0]), float(origin[1])),
         seconds(message.header.stamp),
     )
+
+
+def _check_costs(name, cells):
+    if cells.min() < -1 or cells.max() > 100:
+        raise ConversionError("%s: a cell of %d is not within -1 to 100" % (
+            name, cells.min() if cells.min() < -1 else cells.max()))
 
 
 def updated_grid(grid, message):
@@ -318,6 +327,7 @@ def updated_grid(grid, message):
             "grid update: %d x %d cells at (%d, %d) do not fit a grid of %d x %d"
             % (message.width, message.height, message.x, message.y, columns, rows)
         )
+    _check_costs("grid update", patch)
     cells = grid.cells.copy()
     cells[message.y : message.y + message.height, message.x : message.x + message.width] = patch.reshape(
         message.height, message.width

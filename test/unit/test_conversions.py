@@ -155,7 +155,24 @@ def test_an_update_is_laid_into_a_copy():
     (update(3, 0, [[1, 1]]), "do not fit"),
     (update(0, -1, [[1]]), "do not fit"),
     (update(0, 0, np.zeros((0, 0))), "do not fill"),
+    (update(0, 0, [[0, 101]]), "a cell of 101 is not within -1 to 100"),
+    (update(0, 0, [[-2, 0]]), "a cell of -2 "),
 ])
 def test_an_update_beside_the_grid_is_refused(patch, says):
     with pytest.raises(ConversionError, match=says):
         conversions.updated_grid(GRID, patch)
+
+
+@pytest.mark.parametrize("cell, resolution, says", [
+    (0, 0.05, None), (100, 0.025, None), (-2, 0.05, "a cell of -2"), (127, 0.05, "a cell of 127"),
+    (0, 0.001, "resolution"), (0, np.nan, "resolution"), (0, 1.0, "resolution"),
+])
+def test_a_grid_that_would_be_misread_is_refused(cell, resolution, says):
+    origin = pose()
+    info = Message(width=2, height=2, resolution=resolution, origin=origin)
+    message = Message(info=info, data=np.array([0, 0, 0, cell], np.int8), header=Message(stamp=Message(secs=7, nsecs=0)))
+    if says is None:
+        assert conversions.grid_of(message).cells[1, 1] == cell
+        return
+    with pytest.raises(ConversionError, match=says):
+        conversions.grid_of(message)
