@@ -168,9 +168,9 @@ def test_an_update_beside_the_grid_is_refused(patch, says):
     (0, 0.001, "resolution"), (0, np.nan, "resolution"), (0, 1.0, "resolution"),
 ])
 def test_a_grid_that_would_be_misread_is_refused(cell, resolution, says):
-    origin = pose()
-    info = Message(width=2, height=2, resolution=resolution, origin=origin)
-    message = Message(info=info, data=np.array([0, 0, 0, cell], np.int8), header=Message(stamp=Message(secs=7, nsecs=0)))
+    info = Message(width=2, height=2, resolution=resolution, origin=pose())
+    header = Message(stamp=Message(secs=7, nsecs=0))
+    message = Message(info=info, data=np.array([0, 0, 0, cell], np.int8), header=header)
     if says is None:
         assert conversions.grid_of(message).cells[1, 1] == cell
         return
