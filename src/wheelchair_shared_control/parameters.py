@@ -126,7 +126,12 @@ def load(group, given=None, source=""):
     missing = [key for key in rows if key not in flat]
     if missing:
         raise ParameterError("%s: parameter '%s' is missing" % (where, missing[0]))
-    return Settings(group, {key: _checked(rows[key], flat[key], where, key) for key in rows})
+    settings = Settings(group, {key: _checked(rows[key], flat[key], where, key) for key in rows})
+    together = getattr(_module(group), "contradiction", None)  # what only several parameters together can get wrong
+    said = together(settings) if together is not None else ""
+    if said:
+        raise ParameterError("%s: %s" % (where, said))
+    return settings
 
 
 def load_or_exit(group, given, who):
@@ -215,6 +220,14 @@ def _checked(row, value, where, key):
     elif row.kind is int:
         if isinstance(value, bool) or not isinstance(value, int):
             refuse("a whole number")
+    elif row.kind is list and isinstance(value, str):
+        # costmap_2d takes a list as text, too: "[[0.7, 0.3], [0.7, -0.3], ...]"
+        try:
+            value = yaml.load(value or "[]", Loader=LOADER)
+        except yaml.YAMLError:
+            refuse("a list")
+        if not isinstance(value, list):
+            refuse("a list")
     elif not isinstance(value, row.kind):
         refuse({bool: "true or false", str: "text", list: "a list", dict: "a mapping"}[row.kind])
     if row.kind in (float, int):

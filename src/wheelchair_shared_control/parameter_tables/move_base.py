@@ -1,4 +1,5 @@
 """Parameters of the navigation node: the local costmap and its sources, then the planner."""
+from wheelchair_shared_control import footprint
 from wheelchair_shared_control.parameters import P
 
 INCLUDES = ["wheelchair"]
@@ -15,6 +16,7 @@ TABLE = [
     P("local_costmap/rolling_window", bool, "", None, None, "the window follows the chair (only true is offered)",
       (True,)),
     P("local_costmap/transform_tolerance", float, "s", 0.0, 2.0, "how long a transform may be late"),
+    P("local_costmap/footprint", list, "", None, None, "corners [[x, y], ...]: none, or those of the chair"),
     P("local_costmap/footprint_padding", float, "m", 0.0, 0.2, "added to every edge of the footprint"),
     P("local_costmap/always_send_full_costmap", bool, "", None, None, "full grids instead of updates"),
     P("local_costmap/track_unknown_space", bool, "", None, None, "unknown is 255 (-1 on the wire), else free"),
@@ -118,3 +120,43 @@ def given_rows(given):
     listed = costmap.get("observation_sources", "")
     names += [name for name in (listed.split() if isinstance(listed, str) else ()) if name not in names]
     return [row for name in names for row in source_rows(name)]
+
+
+SAME = 0.005  # m: two outlines whose corners differ by less are the same
+
+
+def contradiction(settings):
+    """What the parameters contradict each other in, in words; "" if in nothing."""
+    costmap = settings.local_costmap
+    for name in ("global_frame", "robot_base_frame"):
+        if not getattr(costmap, name):
+            return "parameter 'local_costmap/%s' is empty" % name
+    if costmap.floor_near >= costmap.floor_far:
+        return "parameter 'local_costmap/floor_near' is %g, but must be below 'floor_far', %g m" % (
+            costmap.floor_near, costmap.floor_far)
+    for name in costmap.observation_sources.split():
+        source = getattr(costmap, name)
+        if not source.topic:
+            return "parameter 'local_costmap/%s/topic' is empty" % name
+        if source.min_obstacle_height >= source.max_obstacle_height:
+            return "parameter 'local_costmap/%s/min_obstacle_height' is %g, but must be below 'max_obstacle_height', %g m" % (
+                name, source.min_obstacle_height, source.max_obstacle_height)
+    return _another_outline(costmap.footprint, footprint.from_settings(settings.wheelchair))
+
+
+def _another_outline(given, chair):
+    """Why the corners ``given`` are not those of the ``chair``, whom the guard goes by, too; "" if they are."""
+    key = "parameter 'local_costmap/footprint' "
+    try:
+        corners = [(float(x), float(y)) for x, y in given]
+    except (TypeError, ValueError):
+        return key + "is %r, but must be a list of corners [x, y] in m" % (given,)
+    wanted = [(x, y) for x in (chair.rear, chair.front) for y in (-chair.half_width, chair.half_width)]
+
+    def has(points, point):
+        return any(abs(point[0] - x) <= SAME and abs(point[1] - y) <= SAME for x, y in points)
+
+    if corners and not (all(has(wanted, c) for c in corners) and all(has(corners, w) for w in wanted)):
+        return key + "is %r, but must be empty or the corners of 'wheelchair/footprint', %s m" % (
+            given, ", ".join("[%g, %g]" % corner for corner in wanted))
+    return ""
