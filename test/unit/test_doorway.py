@@ -52,6 +52,28 @@ def test_the_narrowest_and_the_widest_doors_pass_with_measurement_error(width):
     assert door.width == pytest.approx(width, abs=0.01)
 
 
+def test_jambs_that_stand_staggered_are_measured_along_one_line():
+    # a partition 0.25 m behind the right jamb reaches 0.20 m farther into the way: sideways between it and the left
+    # jamb lie 0.55 + 0.15 = 0.70 m, but no line across the way is shorter than the 0.90 m in the wall
+    partition = [2.75, -0.55, 1.25, 0.0, 0.03, 0.40, 1.25]
+    (door,) = detect(look(LEFT, RIGHT, partition)).doorways
+    assert door.width == pytest.approx(0.90, abs=0.02)
+    assert door.pose[:2] == pytest.approx((2.5, 0.10), abs=0.03)
+
+
+def test_a_short_piece_of_wall_tells_a_doorway_beside_longer_walls_of_another_direction():
+    # 0.30 m of wall from y = 0.55 on; the right jamb ends a wall that stands at 66 degrees, and so does a longer one
+    # far behind: across their direction nothing is narrow, the gap is 0.55 + 0.30 m wide
+    turn = np.radians(66.0)
+    along, across = np.array([np.cos(turn), np.sin(turn)]), np.array([np.sin(turn), -np.cos(turn)])
+    x, y = np.array([2.25, -0.30]) - 0.7 * along + 0.05 * across
+    image = look([2.25, 0.70, 1.25, 0.0, 0.05, 0.15, 1.25], [x, y, 1.25, turn, 0.7, 0.05, 1.25],
+                 [4.0, 0.2, 1.25, turn, 1.2, 0.05, 1.25])
+    (door,) = detect(image).doorways
+    assert door.width == pytest.approx(0.85, abs=0.03)
+    assert door.pose[2] == pytest.approx(0.0, abs=np.radians(3.0))
+
+
 SHUT = {
     "a closed leaf": [2.5, 0.10, 1.0, 0.0, 0.02, 0.45, 1.0],
     # 30 degrees from shut, hinged at the left jamb (2.5, 0.55): its middle is 0.45 m along it
