@@ -80,7 +80,7 @@ def test_wilson_interval_of_8_in_10():
 
 def test_paired_difference_of_a_constant_shift_has_no_spread():
     values = np.linspace(0.0, 1.0, 30)
-    assert statistics.paired_difference(values + 0.1, values, np.random.default_rng(1)) == pytest.approx([0.1] * 3)
+    assert statistics.paired_difference(values + 0.1, values, range(len(values)), np.random.default_rng(1)) == pytest.approx([0.1] * 3)
 
 
 class TestReferee:
@@ -113,3 +113,18 @@ class TestReferee:
         referee = self.referee()
         verdicts = [referee.update(t, [0.01 * t, 0, 0], [], ASSISTING, "") for t in np.arange(0.0, 61.0, 1.0)]
         assert verdicts[59] is None and verdicts[60].outcome == "timeout"
+
+
+def test_episodes_of_one_seed_are_drawn_together():
+    """Ten seeds of twenty equal episodes tell as much as ten episodes, not as two hundred."""
+    rng = np.random.default_rng(3)
+    of_seeds = rng.normal(0.0, 1.0, 10)
+    values, seeds = np.repeat(of_seeds, 20), np.repeat(np.arange(10), 20)
+    value, low, high = statistics.mean_interval(values, seeds)
+    alone = statistics.mean_interval(of_seeds, np.arange(10))
+    assert (value, low, high) == pytest.approx(alone)
+    _, near, far = statistics.mean_interval(values, np.arange(200))
+    assert far - near < 0.4 * (high - low)
+    # one seed alone: its episodes
+    assert statistics.mean_interval([0.0, 1.0, None, np.nan], [7, 7, 7, 7])[0] == 0.5
+    assert np.isnan(statistics.mean_interval([None], [1])[0])

@@ -101,7 +101,7 @@ def _at_all_times(rows):
     """A certain amount of the user's command is in the blend throughout: in every phase of every run."""
     parts, lows = [], []
     for phase in ("approach", "doorway", "exit"):
-        value, low, high = statistics.mean_interval([row["user_share_" + phase] for row in rows])
+        value, low, high = mean_interval(rows, "user_share_" + phase)
         lows.append(low)
         parts.append("%s %.3f (%.3f to %.3f)" % (phase, value, low, high))
     there = [low > NOTICEABLE for low in lows]
@@ -122,7 +122,8 @@ def _towards_wall(rows):
             shares[which][(row["scene"], row["seed"])] = row["user_share_exit"]
     common = sorted(set(shares["to"]) & set(shares["from"]))
     value, low, high = statistics.paired_difference(
-        [shares["from"][key] for key in common], [shares["to"][key] for key in common], np.random.default_rng(0)
+        [shares["from"][key] for key in common], [shares["to"][key] for key in common], [seed for _, seed in common],
+        np.random.default_rng(0),
     )
     return Claim(
         "At an exit with a wall beside it, a hard push towards the wall is given much less than one away from it.",
@@ -165,7 +166,7 @@ def _sides():
 def _scale(scales):
     parts, best = [], None
     for scale, rows in sorted(scales.items()):
-        share = statistics.mean_interval([row["user_share_all"] for row in rows])[0]
+        share = mean_interval(rows, "user_share_all")[0]
         contact = _rate(rows, "contact")
         parts.append("%g sigma: share %.3f, %d contacts in %d" % (
             scale, share, round(contact.value * contact.n), contact.n))
@@ -184,7 +185,7 @@ def _few(demonstrations):
     for number in numbers:
         contact = _rate(demonstrations[number], "contact")
         parts.append("%d a scene: share %.3f, %d contacts in %d" % (
-            number, statistics.mean_interval([row["user_share_all"] for row in demonstrations[number]])[0],
+            number, mean_interval(demonstrations[number], "user_share_all")[0],
             round(contact.value * contact.n), contact.n))
     if numbers[-1] <= studies.PER_SCENE:
         return Claim("Six demonstrations a scene are enough.", "V", UNTESTED,
@@ -227,7 +228,13 @@ def difference(first, second, measure):
     ]
     common = sorted(set(tables[0]) & set(tables[1]))
     pairs = np.array([[table[key] for table in tables] for key in common], float).reshape(-1, 2)
-    return statistics.paired_difference(pairs[:, 0], pairs[:, 1], np.random.default_rng(0)), len(common)
+    seeds = [seed for _, _, seed in common]
+    return statistics.paired_difference(pairs[:, 0], pairs[:, 1], seeds, np.random.default_rng(0)), len(common)
+
+
+def mean_interval(rows, measure):
+    """Mean of ``measure`` over rows with its interval over their seeds: (value, low, high)."""
+    return statistics.mean_interval([row[measure] for row in rows], [row["seed"] for row in rows])
 
 
 def _rate(rows, outcome):

@@ -173,10 +173,11 @@ def table(rows, by=("policy",)):
         members = [row for row in rows if tuple(row[name] for name in by) == group and row["outcome"] != "no_start"]
         line = dict(zip(by, group))
         line["n"] = len(members)
+        seeds = [row["seed"] for row in members]
         for outcome in ("crossed", "contact", "refused", "standstill", "timeout"):
             line[outcome] = statistics.wilson(sum(row["outcome"] == outcome for row in members), len(members))
         for name in MEASURES:
-            line[name] = statistics.mean_interval([row[name] for row in members])
+            line[name] = statistics.mean_interval([row[name] for row in members], seeds)
         clearance = [row["min_clearance_m"] for row in members if row["min_clearance_m"] is not None]
         line["worst_clearance_m"] = min(clearance) if clearance else None
         line["episodes_clearance_p05_m"] = float(np.percentile(clearance, 5)) if clearance else None
@@ -222,7 +223,7 @@ def report(rows, by=("policy",)):
         parts.append("## %s\n\n%s" % (title, markdown(lines, by, columns)))
     idle = sum(row["outcome"] == "no_start" for row in rows)
     return (
-        "%d episodes%s. In brackets 95 %% intervals: Wilson for rates, bootstrap for means. A share is the user's part "
+        "%d episodes%s. In brackets 95 %% intervals: Wilson for rates, bootstrap over seeds for means. A share is the user's part "
         "of the turn rate.\n\n" % (len(rows), " (%d without a start: left out)" % idle if idle else "")
         + "\n".join(parts)
     )
@@ -264,7 +265,9 @@ def paired(rows, first, second, measure, rng):
     pairs = np.array(
         [[np.nan if t[key] is None else t[key] for t in tables] for key in common], float
     ).reshape(-1, 2)
-    return statistics.paired_difference(pairs[:, 0], pairs[:, 1], rng), int(np.isfinite(pairs).all(axis=1).sum())
+    seeds = [key[others.index("seed")] for key in common]
+    found = statistics.paired_difference(pairs[:, 0], pairs[:, 1], seeds, rng)
+    return found, int(np.isfinite(pairs).all(axis=1).sum())
 
 
 def write(folder, rows, command=""):

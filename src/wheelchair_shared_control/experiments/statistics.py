@@ -1,4 +1,4 @@
-"""Intervals for rates and for paired differences."""
+"""Intervals for rates, for means and for paired differences."""
 from typing import NamedTuple
 
 import numpy as np
@@ -28,29 +28,35 @@ def wilson(successes, n):
     return Rate(share, 0.0 if successes == 0 else low, 1.0 if successes == n else high, n)
 
 
-def paired_difference(first, second, rng, statistic=np.mean, resamples=4000):
-    """Bootstrap of ``statistic(first) - statistic(second)`` over pairs: (value, low, high) at 95 %.
+def paired_difference(first, second, groups, rng, resamples=4000):
+    """Mean of ``first - second`` over pairs with its 95 % bootstrap interval: (value, low, high), NaN without pairs.
 
-    ``first``, ``second`` (n,): the same episodes under two policies; pairs with a NaN are left out.
+    ``first``, ``second`` (n,): the same episodes under two policies; pairs with a NaN are left out. ``groups`` (n,):
+    as of ``mean_interval``.
     """
-    first, second = np.asarray(first, float), np.asarray(second, float)
-    valid = np.isfinite(first) & np.isfinite(second)
-    first, second = first[valid], second[valid]
-    if not len(first):
-        return np.nan, np.nan, np.nan
-    draws = rng.integers(0, len(first), (resamples, len(first)))
-    differences = statistic(first[draws], axis=1) - statistic(second[draws], axis=1)
-    low, high = np.percentile(differences, [2.5, 97.5])
-    return float(statistic(first, axis=0) - statistic(second, axis=0)), float(low), float(high)
+    differences = np.asarray(first, float) - np.asarray(second, float)
+    return _bootstrap(differences, groups, rng, resamples)
 
 
-def mean_interval(values, seed=0, resamples=2000):
-    """Mean of the finite ``values`` with its 95 % bootstrap interval: (value, low, high), NaN without values."""
+def mean_interval(values, groups, seed=0, resamples=2000):
+    """Mean of the finite ``values`` (n,) with its 95 % bootstrap interval: (value, low, high), NaN without values.
+
+    ``groups`` (n,): what is drawn with replacement, whole: the episodes of one seed share start and noise whatever
+    scene and user, and are no independent samples. A single group says nothing about others: then its values are drawn.
+    """
     values = np.array([np.nan if value is None else value for value in values], float)
-    values = values[np.isfinite(values)]
+    return _bootstrap(values, groups, np.random.default_rng(seed), resamples)
+
+
+def _bootstrap(values, groups, rng, resamples):
+    valid = np.isfinite(values)
+    values = values[valid]
     if not len(values):
         return np.nan, np.nan, np.nan
-    rng = np.random.default_rng(seed)
-    means = values[rng.integers(0, len(values), (resamples, len(values)))].mean(axis=1)
-    low, high = np.percentile(means, [2.5, 97.5])
+    members = np.unique(np.asarray(groups)[valid], return_inverse=True)[1]
+    if members.max() == 0:
+        members = np.arange(len(values))
+    sums, counts = np.bincount(members, values), np.bincount(members)
+    draws = rng.integers(0, len(sums), (resamples, len(sums)))
+    low, high = np.percentile(sums[draws].sum(axis=1) / counts[draws].sum(axis=1), [2.5, 97.5])
     return float(values.mean()), float(low), float(high)

@@ -139,8 +139,9 @@ def contradiction(settings):
         if not source.topic:
             return "parameter 'local_costmap/%s/topic' is empty" % name
         if source.min_obstacle_height >= source.max_obstacle_height:
-            return "parameter 'local_costmap/%s/min_obstacle_height' is %g, but must be below 'max_obstacle_height', %g m" % (
-                name, source.min_obstacle_height, source.max_obstacle_height)
+            return (
+                "parameter 'local_costmap/%s/min_obstacle_height' is %g, but must be below 'max_obstacle_height', %g m"
+                % (name, source.min_obstacle_height, source.max_obstacle_height))
     return _another_outline(costmap.footprint, footprint.from_settings(settings.wheelchair))
 
 

@@ -71,7 +71,8 @@ def _begin(distance, known, frame, outline, spine, half_width, reach, middle, sh
 def _continue(distance, known, frame, outline, spine, half_width, reach, middle, shrink, floor, turn_floor, rear,
               start, goal, goal_xy, goal_yaw, allow_reverse, cap, weights, primitives, axis_points, bound, best,
               table, node_pose, node_g, node_parent, node_primitive, node_kind, keys, items, axis, counts, shot):
-    """Expand up to ``cap`` states more. Returns the best cost, and whether the search has come to its end."""
+    """Expand up to ``cap`` states more. Returns the best cost, whether the search has come to its end, and whether that
+    is because nothing better is left: where the memory is full there may be."""
     rows, cols = distance.shape
     nx, ny = int(cols * frame[2] / BIN), int(rows * frame[2] / BIN)
     capacity = node_g.shape[0]
@@ -80,13 +81,13 @@ def _continue(distance, known, frame, outline, spine, half_width, reach, middle,
     start_c = clearance(distance, frame, outline, spine, half_width, reach, middle, 0.5,
                         start[0], start[1], start[2]) - shrink
     start_floor, start_turn_floor = min(floor, start_c - 0.002), min(turn_floor, start_c - 0.002)
-    ended = True
+    ended = exhausted = True
     last = expansions + cap
     while size > 0:
         if keys[0] >= best * 0.95:
             break
         if expansions >= last or n_nodes + 16 >= capacity:
-            ended = n_nodes + 16 >= capacity
+            ended, exhausted = n_nodes + 16 >= capacity, False
             break
         node, size = pop(keys, items, size)
         x, y, th = node_pose[node, 0], node_pose[node, 1], node_pose[node, 2]
@@ -155,7 +156,7 @@ def _continue(distance, known, frame, outline, spine, half_width, reach, middle,
             size = push(keys, items, size, g2 + 1.2 * h, n_nodes)
             n_nodes += 1
     counts[0], counts[1], counts[2], counts[3] = size, n_nodes, expansions, best_node
-    return best, ended
+    return best, ended, exhausted
 
 
 class PathSearch:
@@ -200,11 +201,10 @@ class PathSearch:
         """Expand up to ``cap`` states more; returns whether the search has come to its end."""
         cap = min(int(cap), self.cap - int(self._counts[2]))
         if not self.ended:
-            self._best, exhausted = _continue(
+            self._best, ended, self.exhausted = _continue(
                 *self._chair, *self._problem, cap, self.weights, PRIMITIVES, AXIS_POINTS, self._bound, self._best,
                 self._table, *self._nodes, *self._heap, self._axis, self._counts, self._shot)
-            self.ended = exhausted or self._counts[2] >= self.cap
-            self.exhausted = exhausted
+            self.ended = ended or self._counts[2] >= self.cap
         return self.ended
 
     def result(self):
