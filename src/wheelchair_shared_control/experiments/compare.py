@@ -223,8 +223,8 @@ def report(rows, by=("policy",)):
         parts.append("## %s\n\n%s" % (title, markdown(lines, by, columns)))
     idle = sum(row["outcome"] == "no_start" for row in rows)
     return (
-        "%d episodes%s. In brackets 95 %% intervals: Wilson for rates, bootstrap over seeds for means. A share is the user's part "
-        "of the turn rate.\n\n" % (len(rows), " (%d without a start: left out)" % idle if idle else "")
+        "%d episodes%s. In brackets 95 %% intervals: Wilson for rates, bootstrap over seeds for means. A share is the "
+        "user's part of the turn rate.\n\n" % (len(rows), " (%d without a start: left out)" % idle if idle else "")
         + "\n".join(parts)
     )
 
