@@ -80,7 +80,8 @@ def test_wilson_interval_of_8_in_10():
 
 def test_paired_difference_of_a_constant_shift_has_no_spread():
     values = np.linspace(0.0, 1.0, 30)
-    assert statistics.paired_difference(values + 0.1, values, range(len(values)), np.random.default_rng(1)) == pytest.approx([0.1] * 3)
+    found = statistics.paired_difference(values + 0.1, values, range(len(values)), np.random.default_rng(1))
+    assert found == pytest.approx([0.1] * 3)
 
 
 class TestReferee:
