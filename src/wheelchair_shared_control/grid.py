@@ -8,6 +8,9 @@ FREE = 0
 INSCRIBED = 99
 LETHAL = 100
 
+WHOLE_CELLS = np.empty((0, 0, 4), np.int8)
+WHOLE_CELLS.setflags(write=False)  # as one that came as a message
+
 
 class Grid(NamedTuple):
     """Axis-aligned grid of ``nav_msgs/OccupancyGrid`` values.
@@ -15,7 +18,8 @@ class Grid(NamedTuple):
     ``cells`` (rows, columns) int8, row = y, column = x; ``origin`` is the outer corner of cell [0, 0] in
     odom [m]; ``stamp`` [s] is that of the oldest required observation in it. ``surface`` (rows, columns, 4)
     int8, if the costmap tells it: of each lethal cell the quarters x low, x high, y low, y high that the obstacle
-    in it fills, as `costmap_surface` has them.
+    in it fills, as `costmap_surface` has them; `WHOLE_CELLS` where lethal cells are marked whatever little they hold;
+    None where it is not known.
     """
 
     cells: np.ndarray

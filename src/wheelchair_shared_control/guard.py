@@ -12,6 +12,7 @@ import numpy as np
 
 from wheelchair_shared_control import footprint as outline
 from wheelchair_shared_control import sweep
+from wheelchair_shared_control.grid import WHOLE_CELLS
 from wheelchair_shared_control.values import STOP, Twist
 
 FREE, SLOWED, STOPPED, DEGRADED = 0, 1, 2, 3
@@ -40,8 +41,6 @@ RIM = 0.05
 # s: older odometry, which stops the chair anyway, is taken for so old (a stamp of 0 would be played through for ever)
 LONGEST_COAST = 1.0
 NOTHING = np.empty((0, 2))
-NO_SURFACE = np.empty((0, 0, 4), np.int8)
-NO_SURFACE.setflags(write=False)  # as one that came as a message
 
 
 class Verdict(NamedTuple):
@@ -122,7 +121,7 @@ class Guard:
         if grid is None:
             return Scene(range_points, _boxes_of(range_points), NOTHING)
         outline_ = self._footprint
-        surface = NO_SURFACE if grid.surface is None else grid.surface
+        surface = WHOLE_CELLS if grid.surface is None else grid.surface
         lethal, boxes, unknown = sweep.gather(
             grid.cells, surface, grid.resolution, float(grid.origin[0]), float(grid.origin[1]),
             np.asarray(pose, dtype=float), outline_.front, outline_.rear, outline_.half_width,

@@ -7,7 +7,7 @@ import pytest
 from test_guard import CHAIR, RESOLUTION, SETTINGS, SIZE, Chair, empty, filled
 
 from wheelchair_shared_control import conversions, sweep
-from wheelchair_shared_control.grid import LETHAL
+from wheelchair_shared_control.grid import LETHAL, WHOLE_CELLS
 from wheelchair_shared_control.guard import FREE, STOPPED, Guard
 from wheelchair_shared_control.values import Odometry, Twist
 
@@ -62,10 +62,11 @@ def test_passes_three_centimetres_off_the_middle(aside):
     assert chair.pose[0] > 1.5 and STOPPED not in states
 
 
-@pytest.mark.parametrize("half, passes", [(0.35, True), (0.33125, False)])
-def test_without_the_surface_a_door_must_leave_more(half, passes):
+@pytest.mark.parametrize("half, surface, passes", [
+    (0.35, None, True), (0.33125, None, False), (0.35, WHOLE_CELLS, True), (0.33125, WHOLE_CELLS, False)])
+def test_without_the_surface_a_door_must_leave_more(half, surface, passes):
     """Cells from 0.35 m on, 2.5 cm beside the chair, leave 1.25 cm to what may jut out of them; from 0.325 m, none."""
-    chair = Chair(door(half)._replace(surface=None))
+    chair = Chair(door(half)._replace(surface=surface))
     chair.drive(Twist(0.15, 0.0), 14.0)
     assert (chair.pose[0] > 1.5) == passes
 
@@ -119,7 +120,7 @@ def test_measures_to_the_box_and_not_to_its_centre():
     guard, guarding = Guard(SETTINGS), SETTINGS.guarding
     still = Odometry(0.0, np.zeros(3), Twist(0.0, 0.0))
     room = {}
-    for name, seen in (("fine", fine), ("whole", grid)):
+    for name, seen in (("fine", fine), ("not known", grid), ("whole", grid._replace(surface=WHOLE_CELLS))):
         # how far a command of so and so much speed comes to a stop, from standstill
         scene = guard.look(seen, np.zeros(3))
         room[name] = max(
@@ -132,7 +133,8 @@ def test_measures_to_the_box_and_not_to_its_centre():
         margin = guarding.margin + guarding.margin_turning + guarding.margin_per_speed * v
         ways[name] = poses[-1, 0] + margin
     assert ways["fine"] == pytest.approx(0.11875, abs=1e-3)
-    assert ways["whole"] == pytest.approx(0.1 - 0.5 * RESOLUTION, abs=1e-3)  # what may jut
+    assert ways["not known"] == pytest.approx(0.1 - 0.5 * RESOLUTION, abs=1e-3)  # what may jut
+    assert ways["whole"] == pytest.approx(0.1, abs=1e-3)
 
 
 # ---- distances ------------------------------------------------------------------------------------------
