@@ -14,14 +14,26 @@ POINT, WALL, GAP, DOORWAY = "0.55", "#1f4e9c", "#d9822b", "#1a8a3a"
 BAND = (0.10, 2.0)  # m: heights drawn
 MAX_POINTS = 20000
 MARGIN = 0.5  # m about what is drawn
+MAX_PANELS = 24  # of a long bag: more are no picture, and from about 270 on no file
 
 
 class FigureError(Error):
     """A figure cannot be written where it was asked for."""
 
 
+def thinned(located):
+    """``Located`` with fewer points, still more than are drawn: hundreds of frames of a bag would fill the memory."""
+    return located._replace(points=located.points[:: max(1, len(located.points) // (4 * MAX_POINTS))].copy())
+
+
 def save(path, titled):
-    """Draw ``titled``: list of (title, Located), one panel each, to ``path``. Raises FigureError."""
+    """Draw ``titled``: list of (title, Located), one panel each, to ``path``; of many evenly chosen ones.
+
+    Raises FigureError.
+    """
+    total = len(titled)
+    if total > MAX_PANELS:
+        titled = [titled[k] for k in np.linspace(0, total - 1, MAX_PANELS).round().astype(int)]
     panels = max(len(titled), 1)
     columns = min(panels, 3)
     rows = (panels + columns - 1) // columns
@@ -31,6 +43,8 @@ def save(path, titled):
     for axis, (title, located) in zip(axes.ravel(), titled):
         draw(axis, located.detection, located.points)
         axis.set_title(Path(title).name, fontsize=11)
+    if total > len(titled):
+        figure.suptitle("%d of %d frames" % (len(titled), total))
     figure.tight_layout()
     try:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
@@ -68,8 +82,9 @@ def draw(axis, detection, points):
         why = "%d gap%s refused" % (len(refused), "s" * (len(refused) > 1)) if refused else detection.reason
         lines.insert(0, "no doorway: " + why)
     if lines:
-        axis.text(0.01, 0.01, "\n".join(lines), transform=axis.transAxes, fontsize=8, va="bottom", zorder=7,
-                  bbox={"boxstyle": "round", "fc": "white", "ec": "0.8", "alpha": 0.85})
+        # below: within the axes it would hide what it tells of
+        axis.annotate("\n".join(lines), (0.0, 0.0), (0.0, -36.0), xycoords="axes fraction",
+                      textcoords="offset points", fontsize=8, va="top")
     _frame(axis, band, detection, np.concatenate(told))
 
 
