@@ -4,8 +4,9 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 import open3d as o3d
+from PIL import Image
 
-from wheelchair_shared_control import bags, conversions
+from wheelchair_shared_control import bags, conversions, ply
 from wheelchair_shared_control.camera import Camera
 from wheelchair_shared_control.errors import Error
 
@@ -41,6 +42,13 @@ class Reading(NamedTuple):
 def read(path, reading=Reading()):
     """Frames (list) of a file; a bag has several. Raises FileError that names the file."""
     path = Path(path)
+    try:
+        return _frames(path, reading)
+    except OSError as error:
+        raise FileError("%s: cannot be read: %s" % (path, error.strerror or error))
+
+
+def _frames(path, reading):
     if not path.exists():
         raise FileError("%s: no such file" % path)
     suffix = path.suffix.lower()
@@ -61,8 +69,13 @@ def read(path, reading=Reading()):
 
 
 def _cloud(path):
-    header = _pcd_header(path) if path.suffix.lower() == ".pcd" else _ply_header(path)
-    count, fields, origin = header
+    if path.suffix.lower() == ".ply":
+        try:
+            # the library fills up what it cannot read with whatever lies in memory
+            return Frame(points=ply.points_of(path.read_bytes()))
+        except ply.PlyError as error:
+            raise FileError("%s: %s" % (path, error))
+    count, fields, origin = _pcd_header(path)
     missing = [name for name in "xyz" if name not in fields]
     if missing:
         raise FileError("%s: has no field '%s' (has: %s)" % (path, missing[0], ", ".join(fields) or "none"))
@@ -93,6 +106,7 @@ def _pcd_header(path):
                 known[words[0]] = words[1:]
         else:
             words = []
+        start = stream.tell()
     if not line or "FIELDS" not in known or not words or words[0] != "DATA":
         raise FileError("%s: is no PCD file" % path)
     try:
@@ -102,52 +116,32 @@ def _pcd_header(path):
         raise FileError("%s: its PCD header is damaged" % path)
     if count < 0 or len(viewpoint) != 3 or not np.isfinite(viewpoint).all():
         raise FileError("%s: its PCD header is damaged" % path)
-    _check_length(path, words[1:], count, known)
+    if not (set(known.get("SIZE", "4")) <= set("1248") and set(known.get("TYPE", "F")) <= set("IUF")):
+        raise FileError("%s: its PCD header is damaged" % path)
+    _check_length(path, start, words[1:], count, known)
     return count, known["FIELDS"], tuple(viewpoint)
 
 
-def _check_length(path, kind, count, known):
-    """Refuse a PCD file that ends early: the library would fill the rest up."""
+def _check_length(path, start, kind, count, known):
+    """Refuse a PCD file whose data, from byte ``start`` on, end early: the library would fill the rest up."""
     with open(str(path), "rb") as stream:
+        stream.seek(start)
         content = stream.read()
-    start = content.index(b"\n", content.index(b"\nDATA") + 1) + 1
     if kind == ["ascii"]:
-        held = sum(1 for line in content[start:].splitlines() if line.strip())
+        held = sum(1 for line in content.splitlines() if line.strip())
     elif kind == ["binary"]:
         try:
             counts = [int(word) for word in known.get("COUNT", ["1"] * len(known["FIELDS"]))]
             size = sum(int(word) * n for word, n in zip(known["SIZE"], counts))
         except (KeyError, ValueError):
             raise FileError("%s: its PCD header is damaged" % path)
-        held = (len(content) - start) // max(size, 1)
+        held = len(content) // max(size, 1)
+    elif kind == ["binary_compressed"]:
+        return  # the library refuses it itself
     else:
-        return
+        raise FileError("%s: its PCD header is damaged" % path)
     if held < count:
         raise FileError("%s: %d of the %d points that its header announces can be read" % (path, held, count))
-
-
-def _ply_header(path):
-    """Number of vertices, their properties and the sensor's place of a PLY file."""
-    with open(str(path), "rb") as stream:
-        if stream.readline(16).strip() != b"ply":
-            raise FileError("%s: is no PLY file" % path)
-        count, fields, element = None, [], ""
-        for _ in range(1000):
-            line = stream.readline(4096)
-            words = line.decode("ascii", "replace").split()
-            if not line or (words and words[0] == "end_header"):
-                break
-            if words[:1] == ["element"] and len(words) == 3:
-                element = words[1]
-                if element == "vertex":
-                    if not words[2].isdigit():
-                        raise FileError("%s: its PLY header is damaged" % path)
-                    count = int(words[2])
-            elif words[:1] == ["property"] and element == "vertex" and len(words) >= 3:
-                fields.append(words[-1])
-    if not line or count is None:
-        raise FileError("%s: its PLY header is damaged or names no vertices" % path)
-    return count, fields, (0.0, 0.0, 0.0)
 
 
 # ---- depth images ----------------------------------------------------------------------------------------
@@ -160,10 +154,11 @@ def _image(path, reading):
         raise FileError("%s: is no PNG file" % path)
     if start[24:26] != b"\x10\x00":
         raise FileError("%s: a depth image has 16 bits and one channel" % path)
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        image = np.asarray(o3d.io.read_image(str(path)))
-    if image.ndim != 2 or image.size == 0:
-        raise FileError("%s: its data is damaged" % path)
+    try:
+        with Image.open(str(path)) as stream:
+            image = np.asarray(stream).astype(np.uint16)
+    except Exception as error:  # Pillow raises what its decoders raise: OSError, SyntaxError, ValueError, struct.error
+        raise FileError("%s: its data is damaged: %s" % (path, str(error).splitlines()[0] if str(error) else "empty"))
     return _frame_of_depth(image, path, reading)
 
 
@@ -234,22 +229,23 @@ def _bag(path, reading):
     with bags.open_bag(path) as bag:
         depth = _topics(bag, DEPTH_TYPE, "depth")
         clouds = _topics(bag, CLOUD_TYPE, "")
-        infos = _topics(bag, INFO_TYPE, "")
-        camera, last = None, -np.inf
+        # what is given on the command line stands in for an uncalibrated camera
+        infos = [] if reading.intrinsics is not None else [
+            topic for topic in _topics(bag, INFO_TYPE, "") if depth and _space(topic) == _space(depth[0])]
+        # the first image may lie before the first camera info
+        camera, last = _first_camera(bag, path, infos), -np.inf
         wanted = depth[:1] + infos if depth else clouds[:1]
         for topic, kind, stamp, message in bag.messages(wanted):
             try:
                 if kind.endswith(INFO_TYPE):
-                    if topic.rpartition("/")[0] == depth[0].rpartition("/")[0]:
-                        camera = conversions.camera_of(message)
+                    camera = conversions.camera_of(message)
                     continue
                 if stamp - last < BAG_PERIOD:
                     continue
                 if depth:
                     image = conversions.depth_of(message)
-                    given = reading.intrinsics is not None or camera is None
                     fits = camera is not None and image.shape == (camera.height, camera.width)
-                    lens = _camera(image.shape[1], image.shape[0], reading.intrinsics) if given or not fits else camera
+                    lens = camera if fits else _camera(image.shape[1], image.shape[0], reading.intrinsics)
                     frames.append(Frame(depth=image, camera=lens, stamp=stamp))
                 else:
                     frames.append(Frame(points=conversions.points_of(message), stamp=stamp))
@@ -257,6 +253,20 @@ def _bag(path, reading):
                 raise FileError("%s: %s: %s" % (path, topic, error))
             last = stamp
     return frames
+
+
+def _first_camera(bag, path, infos):
+    """``Camera`` of the first message of ``infos`` (topics), or None."""
+    for topic, _, _, message in bag.messages(infos):
+        try:
+            return conversions.camera_of(message)
+        except conversions.ConversionError as error:
+            raise FileError("%s: %s: %s" % (path, topic, error))
+    return None
+
+
+def _space(topic):
+    return topic.rpartition("/")[0]
 
 
 def _topics(bag, kind, word):

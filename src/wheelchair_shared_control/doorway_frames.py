@@ -12,6 +12,8 @@ AHEAD = {"z": (1, 0, 0), "-z": (1, 0, 0), "-y": (0, 0, 1), "y": (0, 0, -1), "x":
 # Guesses for an unknown cloud, the most usual first, with their weights
 GUESSES = (("z", 1.0), ("-y", 1.0), ("y", 0.2), ("-z", 0.02), ("x", 0.02), ("-x", 0.02))
 LOWEST, HIGHEST = 0.2, 2.5  # m: a sensor's usual height above the floor
+# m: farther is a number that stands for nothing (65.535 m is the largest of 16 bits), in a cloud one out of memory
+FARTHEST_DEPTH, FARTHEST_POINT = 50.0, 1e7
 
 
 class Located(NamedTuple):
@@ -30,12 +32,14 @@ def detect(frame, settings, up="auto", seed=0):
     """
     doorway.seeded(seed)
     if frame.depth is not None:
-        points = back_project(frame.camera, frame.depth).reshape(-1, 3)
+        with np.errstate(invalid="ignore"):
+            depth = np.where(frame.depth < FARTHEST_DEPTH, frame.depth, np.nan)
+        points = back_project(frame.camera, depth).reshape(-1, 3)
         guesses = (("-y", 1.0),) if up == "auto" else ((up, 1.0),)
     else:
         points = np.asarray(frame.points, dtype=float).reshape(-1, 3)
         guesses = GUESSES if up == "auto" else ((up, 1.0),)
-    points = points[np.isfinite(points).all(axis=1)]
+    points = points[(np.abs(points) < FARTHEST_POINT).all(axis=1)]  # false for what is not finite
     if len(points) < settings.ground.min_points:
         return Located(doorway.nothing("%d valid points" % len(points)), points, "")
     origin = np.asarray(frame.origin, dtype=float)

@@ -250,12 +250,6 @@ def near(rays, line, settings, s_min, s_max, before=0.0):
     return Crossings(table[0], table[1], table[2], table[3], table[4], labels, table[5])
 
 
-def line_from_points(a, b, sensor_xy):
-    """A ``Line`` through ``a`` and ``b`` (2,) whose normal points away from ``sensor_xy`` (2,)."""
-    along = np.asarray(b, dtype=float) - np.asarray(a, dtype=float)
-    return line_from_normal(np.array([-along[1], along[0]]), np.asarray(a, dtype=float), sensor_xy)
-
-
 def line_from_normal(normal, point, sensor_xy, lean=0.0, height=0.0):
     """A ``Line`` with its origin at the sensor's foot on it."""
     normal = np.asarray(normal, dtype=float)

@@ -3,9 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from wheelchair_shared_control import camera as cameras
-from wheelchair_shared_control import doorway, doorway_files, doorway_frames, parameters
+from wheelchair_shared_control import doorway, doorway_figure, doorway_files, doorway_frames, parameters
 from wheelchair_shared_control.simulation import zbuffer
 
 WHEELCHAIR = parameters.load("wheelchair")
@@ -157,6 +158,29 @@ def test_a_cloud_in_the_optical_frame_is_righted_by_its_floor(tilt_deg):
     assert door.width == pytest.approx(0.90, abs=0.03)
 
 
+def test_a_figure_of_many_frames_shows_some_of_them(tmp_path, monkeypatch):
+    result = doorway_frames.detect(doorway_files.Frame(depth=look(LEFT, RIGHT), camera=CAMERA), SETTINGS)
+    # few enough points to keep, more than are drawn
+    assert doorway_figure.MAX_POINTS < len(doorway_figure.thinned(result).points) < len(result.points)
+    monkeypatch.setattr(doorway_figure, "MAX_PANELS", 2)
+    doorway_figure.save(tmp_path / "a.png", [("a", doorway_figure.thinned(result))] * 5)
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size == (1430, 715)  # two panels of 6.5 inches beside each other, 110 dots an inch
+
+
+def test_numbers_that_stand_for_nothing_hide_no_doorway():
+    # 65.535 m is 16 bits of ones, 1e30 comes out of memory that nobody filled
+    image = look(LEFT, RIGHT)
+    for number in (65.535, 1e30):
+        spoilt = image.copy()
+        spoilt[100:110, 100:140] = number
+        result = doorway_frames.detect(doorway_files.Frame(depth=spoilt, camera=CAMERA), SETTINGS)
+        assert len(result.detection.doorways) == 1
+    points = cameras.back_project(CAMERA, image).reshape(-1, 3)
+    points = np.concatenate((points[np.isfinite(points).all(axis=1)][::4], [[-1e30] * 3]))
+    assert len(doorway_frames.detect(doorway_files.Frame(points=points), SETTINGS).detection.doorways) == 1
+
+
 @pytest.mark.skipif(not DATA.exists(), reason="the real scans of ../shared/data are not here")
 def test_a_real_furnished_room_has_walls_and_no_doorway():
     (frame,) = doorway_files.read(DATA / "room_scan" / "room_scan1.pcd")
@@ -177,7 +201,9 @@ def test_a_real_corridor_has_both_walls_and_no_doorway_within_4_m():
 
 @pytest.mark.skipif(not DATA.exists(), reason="the real depth images of ../shared/data are not here")
 def test_a_real_living_room_has_no_doorway():
-    for path in sorted((DATA / "living_room_depth").glob("*.png")):
+    paths = sorted((DATA / "living_room_depth").glob("*.png"))
+    assert len(paths) == 5
+    for path in paths:
         (frame,) = doorway_files.read(path)
         assert doorway_frames.detect(frame, SETTINGS).detection.doorways == ()
 

@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 import pytest
 
-from wheelchair_shared_control import doorway_files
+from wheelchair_shared_control import bag_writing, camera, doorway_files, parameters, ply
 from wheelchair_shared_control.doorway_files import FileError, Reading
 
 PCD = """# .PCD v0.7
@@ -78,14 +78,22 @@ BAD = {
     "a.npz": ("hello", "is no NumPy array"),
     "a.xyz": ("1 2 3", "unknown kind of file"),
     "empty.ply": ("", "is empty"),
+    "d.ply": (PLY.format(n=3, a="x", rows="1 2 3\n4 5 6"), "2 of the 3 points"),
+    "e.ply": (PLY.format(n=2, a="x", rows="1 2 3\n4 5"), "1 of the 2 points"),
+    "f.ply": (PLY.format(n=2, a="x", rows="1 2 3\n4 five 6"), "no three numbers"),
+    "d.pcd": (PCD.format(fields="x y z", n=1, rows="1 2 3").replace("ascii", "nonsense"), "header is damaged"),
+    "e.pcd": (PCD.format(fields="x y z", n=1, rows="1 2 3").replace("TYPE F", "TYPE Q"), "header is damaged"),
+    "f.pcd": (PCD.format(fields="x y z", n=9, rows="1 2 3").replace("DATA", " DATA"), "of the 9 points"),
+    "n" * 300 + ".ply": (None, "cannot be read"),
 }
 
 
 @pytest.mark.parametrize("name", sorted(BAD))
 def test_what_is_no_cloud_is_refused_by_name(tmp_path, name):
     content, expected = BAD[name]
+    path = tmp_path / name if content is None else write(tmp_path / name, content)
     with pytest.raises(FileError) as refusal:
-        doorway_files.read(write(tmp_path / name, content))
+        doorway_files.read(path)
     assert name in str(refusal.value) and expected in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
@@ -120,3 +128,61 @@ def test_arrays_are_points_or_depth(tmp_path):
     np.savez(tmp_path / "depth.npz", depth=np.full((48, 64), 2.0, np.float32))
     assert doorway_files.read(tmp_path / "points.npy")[0].points.shape == (7, 3)
     assert doorway_files.read(tmp_path / "depth.npz", Reading(intrinsics=(60, 60, 32, 24)))[0].camera.fx == 60
+
+
+def test_a_png_that_ends_early_is_refused(tmp_path):
+    content = png16(np.arange(64 * 48, dtype=np.uint16).reshape(48, 64))
+    garbled = content[:60] + bytes(20) + content[80:]
+    for name, part in (("half.png", content[:len(content) // 2]), ("garbled.png", garbled)):
+        (tmp_path / name).write_bytes(part)
+        with pytest.raises(FileError, match=name + ": its data is damaged"):
+            doorway_files.read(tmp_path / name)
+
+
+POINTS = np.array([[1.5, -2.0, 0.25], [np.nan, 0.0, 3.0], [4.0, np.inf, 6.0]])
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_binary_ply_of_either_byte_order_with_other_fields_and_elements(order, kind):
+    # a camera of 4 + 1 bytes before the vertices, a normal and a colour among their fields, a face behind them
+    table = np.zeros(3, np.dtype([("nx", order + "f4"), ("z", order + kind), ("red", "u1"), ("y", order + kind),
+                                  ("x", order + kind)]))
+    table["x"], table["y"], table["z"] = POINTS.T
+    word = {"f4": "float", "f8": "double"}[kind]
+    header = "ply\nformat binary_%s_endian 1.0\ncomment made here\nelement camera 1\nproperty float a\n" \
+        "property uchar b\nelement vertex 3\nproperty float nx\nproperty %s z\nproperty uchar red\n" \
+        "property %s y\nproperty %s x\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n" % (
+            {"<": "little", ">": "big"}[order], word, word, word)
+    content = header.encode() + bytes(5) + table.tobytes()
+    assert np.array_equal(ply.points_of(content + b"\x01\x00\x00\x00\x00"), POINTS, equal_nan=True)
+    with pytest.raises(ply.PlyError, match="2 of the 3 points"):
+        ply.points_of(content[:-1])
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_text_ply_with_any_end_of_line_and_numbers_that_are_none(end):
+    text = PLY.format(n=3, a="x", rows="1.5 -2 0.25\nnan 0 3\n4 inf 6").replace("\n", end)
+    assert np.array_equal(ply.points_of(text.encode()), POINTS, equal_nan=True)
+
+
+class LateInfo(bag_writing.BagWriter):
+    """Notes the camera info after its image."""
+
+    def write(self, topic, now, message):
+        if topic.endswith("camera_info"):
+            now += 0.01
+        super().write(topic, now, message)
+
+
+def test_an_image_of_a_bag_before_the_first_camera_info_has_that_camera(tmp_path):
+    wheelchair = parameters.load("wheelchair")
+    lens = camera.Camera(64, 48, 58.9, 58.9, 31.5, 23.5)  # not the 52.5 pixels of a camera that nobody told
+    with LateInfo(tmp_path / "a.bag", wheelchair, lens) as bag:
+        for now in (0.0, 0.6):
+            bag.depth(now, np.full((48, 64), 2.0, np.float32))
+    frames = doorway_files.read(tmp_path / "a.bag")
+    assert [frame.camera.fx for frame in frames] == [58.9, 58.9]
+    # what is given on the command line counts first
+    given = doorway_files.read(tmp_path / "a.bag", Reading(intrinsics=(60.0, 60.0, 32.0, 24.0)))
+    assert [frame.camera.fx for frame in given] == [60.0, 60.0]

@@ -6,7 +6,7 @@ TABLE = [
     P("door/max_width", float, "m", 0.4, 3.0, "widest clear width that is a doorway"),
     P("door/height", float, "m", 0.5, 3.0, "height up to which a doorway must be free"),
     P("sensor/min_range", float, "m", 0.0, 5.0, "nearest depth of an image that is believed"),
-    P("sensor/max_range", float, "m", 0.5, 100.0, "farthest depth of an image; beyond it a ray met nothing"),
+    P("sensor/max_range", float, "m", 0.5, 100.0, "a ray of an image that met nothing (+Inf) passed up to here"),
     P("sensor/noise_floor", float, "m", 0.0, 0.1, "depth noise at 0.4 m"),
     P("sensor/noise_growth", float, "1/m", 0.0, 0.1, "growth of the depth noise with the square of (z - 0.4 m)"),
     P("sensor/cloud_noise", float, "m", 0.0, 0.2, "range noise of a point cloud"),
@@ -147,7 +147,7 @@ TABLE = [
     P("base_frame", str, "", None, None, "frame of the chair, on the floor"),
     P("cloud", bool, "", None, None, "listen to a point cloud instead of a depth image"),
     P("rate", float, "Hz", 0.1, 60.0, "highest rate of detections for the topic"),
-    P("input_timeout", float, "s", 0.05, 10.0, "older images are refused"),
+    P("input_timeout", float, "s", 0.05, 10.0, "images older than this, or this far in the future, are refused"),
     P("tf_timeout", float, "s", 0.0, 5.0, "longest wait for a transform"),
     P("seed", int, "", 0, 2147483647, "seed of the RANSAC"),
 ]
