@@ -14,6 +14,9 @@ GUESSES = (("z", 1.0), ("-y", 1.0), ("y", 0.2), ("-z", 0.02), ("x", 0.02), ("-x"
 LOWEST, HIGHEST = 0.2, 2.5  # m: a sensor's usual height above the floor
 # m: farther is a number that stands for nothing (65.535 m is the largest of 16 bits), in a cloud one out of memory
 FARTHEST_DEPTH, FARTHEST_POINT = 50.0, 1e7
+MILLIMETRES = 100.0  # m: a cloud half of which lies farther away is in another unit
+ON_FLOOR = 0.05  # m: no sensor is that low; the cloud's frame is a floor's, or a chair's
+ASSUMED_HEIGHT = 1.1  # m of the sensor above the origin of such a frame
 
 
 class Located(NamedTuple):
@@ -43,13 +46,23 @@ def detect(frame, settings, up="auto", seed=0):
     if len(points) < settings.ground.min_points:
         return Located(doorway.nothing("%d valid points" % len(points)), points, "")
     origin = np.asarray(frame.origin, dtype=float)
+    away = float(np.median(np.linalg.norm(points - origin, axis=1)))
+    if away > MILLIMETRES:
+        return Located(doorway.nothing("half of the points lie farther than %.0f m from the sensor: "
+                                       "is the cloud in metres?" % away), points, "")
     level_from_input, chosen = _level(points, origin, guesses, settings)
     if level_from_input is None:
         return Located(doorway.nothing("no floor found"), points, "")
     if frame.depth is not None:
         detection = doorway.detect_depth(frame.depth, frame.camera, level_from_input, settings, seed)
     else:
-        detection = doorway.detect_points(points, settings, origin, level_from_input, seed)
+        # seen from the sensor first: single precision has no centimetres left in the frame of a map far away
+        level_from_sensor = level_from_input.copy()
+        level_from_sensor[:3, 3] += level_from_input[:3, :3] @ origin
+        sensor = np.zeros(3)
+        if abs(level_from_sensor[2, 3]) < ON_FLOOR:
+            sensor = ASSUMED_HEIGHT * level_from_input[2, :3]
+        detection = doorway.detect_points(points - origin, settings, sensor, level_from_sensor, seed)
     level = detection.ground.level_from_sensor @ level_from_input
     return Located(detection, points @ level[:3, :3].T + level[:3, 3], chosen)
 

@@ -158,6 +158,30 @@ def test_a_cloud_in_the_optical_frame_is_righted_by_its_floor(tilt_deg):
     assert door.width == pytest.approx(0.90, abs=0.03)
 
 
+# the camera stands 0.25 m ahead of base_link, 1.10 m above the floor; the door's middle is at (2.5, 0.10) of base_link
+FRAMES = {
+    "a chair's frame, whose origin lies on the floor": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (2.5, 0.10)),
+    "a map far away": ((5e5, 5e6, 100.0), (5e5 + 0.25, 5e6, 101.10), (2.25, 0.10)),
+}
+
+
+@pytest.mark.parametrize("what", sorted(FRAMES))
+def test_a_cloud_in(what):
+    shift, origin, expected = FRAMES[what]
+    points = cameras.back_project(CAMERA, look(LEFT, RIGHT)).reshape(-1, 3)[::4].astype(float)
+    points = points[np.isfinite(points).all(axis=1)] @ MOUNTING[:3, :3].T + MOUNTING[:3, 3]
+    result = doorway_frames.detect(doorway_files.Frame(points=points + shift, origin=origin), SETTINGS)
+    (door,) = result.detection.doorways
+    assert door.pose[:2] == pytest.approx(expected, abs=0.03)
+    assert door.width == pytest.approx(0.90, abs=0.02)
+
+
+def test_a_cloud_in_millimetres_is_told_to_be_none_in_metres():
+    points = 1000.0 * cameras.back_project(CAMERA, look(LEFT, RIGHT)).reshape(-1, 3)
+    detection = doorway_frames.detect(doorway_files.Frame(points=points), SETTINGS).detection
+    assert detection.doorways == () and "is the cloud in metres?" in detection.reason
+
+
 def test_a_figure_of_many_frames_shows_some_of_them(tmp_path, monkeypatch):
     result = doorway_frames.detect(doorway_files.Frame(depth=look(LEFT, RIGHT), camera=CAMERA), SETTINGS)
     # few enough points to keep, more than are drawn
