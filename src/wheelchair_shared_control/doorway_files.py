@@ -227,14 +227,13 @@ def _bag(path, reading):
     """Every half second a frame of the depth images, or else of the clouds, of a bag."""
     frames = []
     with bags.open_bag(path) as bag:
-        depth = _topics(bag, DEPTH_TYPE, "depth")
-        clouds = _topics(bag, CLOUD_TYPE, "")
+        depth, clouds = _depth_topic(bag), _topics(bag, CLOUD_TYPE)
         # what is given on the command line stands in for an uncalibrated camera
         infos = [] if reading.intrinsics is not None else [
-            topic for topic in _topics(bag, INFO_TYPE, "") if depth and _space(topic) == _space(depth[0])]
+            topic for topic in _topics(bag, INFO_TYPE) if depth and _space(topic) == _space(depth)]
         # the first image may lie before the first camera info
         camera, last = _first_camera(bag, path, infos), -np.inf
-        wanted = depth[:1] + infos if depth else clouds[:1]
+        wanted = [depth] + infos if depth else clouds[:1]
         for topic, kind, stamp, message in bag.messages(wanted):
             try:
                 if kind.endswith(INFO_TYPE):
@@ -244,8 +243,11 @@ def _bag(path, reading):
                     continue
                 if depth:
                     image = conversions.depth_of(message)
-                    fits = camera is not None and image.shape == (camera.height, camera.width)
-                    lens = camera if fits else _camera(image.shape[1], image.shape[0], reading.intrinsics)
+                    height, width = image.shape
+                    lens = camera or _camera(width, height, reading.intrinsics)
+                    if (lens.width, lens.height) != (width, height):
+                        raise FileError("%s: %s is %d x %d, its camera info %d x %d: give --intrinsics" % (
+                            path, topic, width, height, lens.width, lens.height))
                     frames.append(Frame(depth=image, camera=lens, stamp=stamp))
                 else:
                     frames.append(Frame(points=conversions.points_of(message), stamp=stamp))
@@ -269,7 +271,17 @@ def _space(topic):
     return topic.rpartition("/")[0]
 
 
-def _topics(bag, kind, word):
-    """Topics whose type ends in ``kind`` and whose name holds ``word``."""
-    return sorted(topic for topic, types in bag.topics.items()
-                  if word in topic and any(name.split("/")[-1] == kind for name in types))
+def _depth_topic(bag):
+    """The topic of the depth images, or None: of those named after depth the first that holds no colours."""
+    named = [topic for topic in _topics(bag, DEPTH_TYPE) if "depth" in topic.lower()]
+    for topic in named:
+        for _, _, _, message in bag.messages([topic]):
+            if message.encoding in conversions.DEPTH_ENCODINGS:
+                return topic
+            break
+    return named[0] if named else None
+
+
+def _topics(bag, kind):
+    """Topics whose type ends in ``kind``."""
+    return sorted(topic for topic, types in bag.topics.items() if any(name.split("/")[-1] == kind for name in types))

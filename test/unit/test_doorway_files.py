@@ -166,6 +166,9 @@ def test_text_ply_with_any_end_of_line_and_numbers_that_are_none(end):
     assert np.array_equal(ply.points_of(text.encode()), POINTS, equal_nan=True)
 
 
+LENS = camera.Camera(64, 48, 58.9, 58.9, 31.5, 23.5)  # not the 52.5 pixels of a camera that nobody told
+
+
 class LateInfo(bag_writing.BagWriter):
     """Notes the camera info after its image."""
 
@@ -176,9 +179,7 @@ class LateInfo(bag_writing.BagWriter):
 
 
 def test_an_image_of_a_bag_before_the_first_camera_info_has_that_camera(tmp_path):
-    wheelchair = parameters.load("wheelchair")
-    lens = camera.Camera(64, 48, 58.9, 58.9, 31.5, 23.5)  # not the 52.5 pixels of a camera that nobody told
-    with LateInfo(tmp_path / "a.bag", wheelchair, lens) as bag:
+    with LateInfo(tmp_path / "a.bag", parameters.load("wheelchair"), LENS) as bag:
         for now in (0.0, 0.6):
             bag.depth(now, np.full((48, 64), 2.0, np.float32))
     frames = doorway_files.read(tmp_path / "a.bag")
@@ -186,3 +187,29 @@ def test_an_image_of_a_bag_before_the_first_camera_info_has_that_camera(tmp_path
     # what is given on the command line counts first
     given = doorway_files.read(tmp_path / "a.bag", Reading(intrinsics=(60.0, 60.0, 32.0, 24.0)))
     assert [frame.camera.fx for frame in given] == [60.0, 60.0]
+
+
+class ColourBeside(bag_writing.BagWriter):
+    """Notes a colour image, under a name that comes first, with every depth image."""
+
+    def write(self, topic, now, message):
+        if topic == "camera/depth/image_raw":
+            colours = self.type("sensor_msgs", "Image")(message.header, 1, 1, "rgb8", 0, 3, np.zeros(3, np.uint8))
+            super().write("camera/depth/color/image_raw", now, colours)
+        super().write(topic, now, message)
+
+
+def test_colours_under_a_name_of_depth_are_passed_over(tmp_path):
+    with ColourBeside(tmp_path / "a.bag", parameters.load("wheelchair"), LENS) as bag:
+        bag.depth(0.0, np.full((48, 64), 2.0, np.float32))
+    (frame,) = doorway_files.read(tmp_path / "a.bag")
+    assert frame.depth.shape == (48, 64) and frame.camera.fx == 58.9
+
+
+def test_a_camera_info_of_another_size_is_refused_unless_intrinsics_are_given(tmp_path):
+    with bag_writing.BagWriter(tmp_path / "a.bag", parameters.load("wheelchair"), LENS) as bag:
+        bag.depth(0.0, np.full((96, 128), 2.0, np.float32))
+    with pytest.raises(FileError, match="a.bag: camera/depth/image_raw is 128 x 96, its camera info 64 x 48"):
+        doorway_files.read(tmp_path / "a.bag")
+    (frame,) = doorway_files.read(tmp_path / "a.bag", Reading(intrinsics=(118.0, 118.0, 63.5, 47.5)))
+    assert frame.camera.fx == 118.0
