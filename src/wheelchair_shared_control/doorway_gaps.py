@@ -28,7 +28,6 @@ class Gap(NamedTuple):
 
     left: float
     right: float
-    open_share: float
     free_standing: bool = False
 
 
@@ -79,10 +78,7 @@ def gaps(found, settings):
             left = _hider(found, columns[0], -1, gap)
         if not right - found.s[columns[-1]] <= gap.max_blank:
             right = _hider(found, columns[-1], 1, gap)
-        low = left if np.isfinite(left) else found.s[columns[0]]
-        high = right if np.isfinite(right) else found.s[columns[-1]]
-        result.append(Gap(float(left), float(right), float(len(columns) * step / max(high - low, step)),
-                          _is_free_standing(found, left, right, settings)))
+        result.append(Gap(float(left), float(right), _is_free_standing(found, left, right, settings)))
     return result
 
 
