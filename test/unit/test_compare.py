@@ -158,6 +158,17 @@ def test_the_table_says_how_every_episode_ended():
     assert cells.count("20.0 (") == 5
 
 
+def test_the_summary_has_one_line_a_cell():
+    rows = [row("a", 2, share=0.2), row("a", 1, share=0.4, outcome="contact"), row("b", 1, share=None),
+            row("b", 2, outcome="no_start")]
+    head, *lines = list(csv.reader(compare.summary_csv(rows).splitlines()))
+    cells = [dict(zip(head, line)) for line in lines]
+    assert [(cell["policy"], cell["n"], cell["crossed"], cell["contact"]) for cell in cells] == [
+        ("a", "2", "1", "1"), ("b", "1", "1", "0")]
+    assert [cell["user_share_all"] for cell in cells] == ["0.3", ""]
+    assert compare.summary_csv(rows[::-1]) == compare.summary_csv(rows)
+
+
 def test_doors_that_a_scene_s_file_gives_are_driven_once_and_told_by_their_own_width(tmp_path):
     path = tmp_path / "store.yaml"
     path.write_text("base: open\ndoor_width: 0.95\n", encoding="utf-8")

@@ -16,7 +16,7 @@ import numpy as np
 
 from wheelchair_shared_control import command_line
 from wheelchair_shared_control.errors import Error
-from wheelchair_shared_control.experiments import code_version, statistics
+from wheelchair_shared_control.experiments import code_version, referee, statistics
 from wheelchair_shared_control.experiments.options import SCENES, Options
 from wheelchair_shared_control.simulation import doors
 
@@ -166,6 +166,31 @@ def to_csv(rows):
     return stream.getvalue()
 
 
+CELL = ("policy", "planner", "user", "scene", "door_width", "door", "side")
+OUTCOMES = tuple(outcome for outcome in referee.OUTCOMES if outcome != "no_start")
+
+
+def summary_csv(rows):
+    """CSV text of one line a cell of the comparison (all seeds of a policy, user and place): counts, and means of the
+    measures over the episodes that have them."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(CELL + ("n",) + OUTCOMES + ("worst_clearance_m",) + MEASURES)
+    cells = {}
+    for row in rows:
+        if row["outcome"] != "no_start":
+            cells.setdefault(tuple(row[name] for name in CELL), []).append(row)
+    for cell in sorted(cells, key=lambda cell: tuple(_sortable(value) for value in cell)):
+        members = sorted(cells[cell], key=lambda row: row["seed"])
+        known = {name: [row[name] for row in members if row[name] is not None] for name in MEASURES}
+        worst = min(known["min_clearance_m"], default=None)
+        writer.writerow(
+            [_text(value) for value in cell] + [len(members)]
+            + [sum(row["outcome"] == outcome for row in members) for outcome in OUTCOMES] + [_text(worst)]
+            + [_text(float(np.mean(known[name])) if known[name] else None) for name in MEASURES])
+    return stream.getvalue()
+
+
 def table(rows, by=("policy",)):
     """One line a policy (or whatever ``by`` names): rates with Wilson intervals, means with bootstrap intervals."""
     lines = []
@@ -174,7 +199,7 @@ def table(rows, by=("policy",)):
         line = dict(zip(by, group))
         line["n"] = len(members)
         seeds = [row["seed"] for row in members]
-        for outcome in ("crossed", "contact", "refused", "standstill", "timeout"):
+        for outcome in OUTCOMES:
             line[outcome] = statistics.wilson(sum(row["outcome"] == outcome for row in members), len(members))
         for name in MEASURES:
             line[name] = statistics.mean_interval([row[name] for row in members], seeds)
@@ -271,7 +296,10 @@ def paired(rows, first, second, measure, rng):
 
 
 def write(folder, rows, command=""):
-    """Write ``episodes.csv`` and ``table.md`` into ``folder``; returns the table. Raises OutputError."""
+    """Write ``episodes.csv``, ``summary.csv`` and ``table.md`` into ``folder``; returns the table.
+
+    Raises OutputError.
+    """
     folder = Path(folder)
     by = ("policy", "planner") if len({row["planner"] for row in rows}) > 1 else ("policy",)
     pairs = list(dict.fromkeys((row["policy"], row["planner"]) for row in rows))
@@ -283,6 +311,7 @@ def write(folder, rows, command=""):
             lines = table(rows, by + (name,))
             text += "\n## By %s\n\n%s" % (heading, markdown(lines, by + (name,), BRIEF))
     command_line.write_atomically(folder / "episodes.csv", to_csv(rows))
+    command_line.write_atomically(folder / "summary.csv", summary_csv(rows))
     command_line.write_atomically(folder / "table.md", text)
     return table(rows, by)
 
