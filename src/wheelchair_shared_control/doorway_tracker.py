@@ -6,6 +6,8 @@ import numpy as np
 from wheelchair_shared_control import se2
 from wheelchair_shared_control.values import Doorway
 
+DOUBT = 0.1  # of a surprising frame's innovation, as deviation squared, by which the doorway becomes less certain
+
 
 class _Track(NamedTuple):
     pose: np.ndarray
@@ -108,10 +110,19 @@ class DoorwayTracker:
         innovation = measured - track.pose
         innovation[2] = se2.wrap_angle(innovation[2])
         noise = self._floored(doorway.covariance)
+        # squared Mahalanobis distance: a frame in which a jamb was taken for another must not move what the others
+        # agree on
+        surprise = float(innovation @ np.linalg.solve(track.covariance + noise, innovation))
+        surprised = surprise > s.surprise
+        if surprised:
+            noise = noise * (surprise / s.surprise)
         gain = track.covariance @ np.linalg.inv(track.covariance + noise)
         pose = track.pose + gain @ innovation
         pose[2] = se2.wrap_angle(pose[2])
         covariance = (np.eye(3) - gain) @ track.covariance
+        if surprised:
+            # but one that goes on contradicting is believed in the end
+            covariance = covariance + DOUBT * np.outer(innovation, innovation)
         share = track.width_variance / (track.width_variance + s.width_sigma ** 2)
         width = track.width + share * (doorway.width - track.width)
         n = min(track.seen, 20)

@@ -30,6 +30,18 @@ def test_equal_weights_give_the_mean_and_half_the_variance():
     assert told.covariance[0, 0] == pytest.approx(0.02**2 / 2.0)
 
 
+def test_a_frame_that_contradicts_the_others_moves_little():
+    straight, askew = door(2.0, 0.0), door(2.05, 0.0, yaw=np.radians(12.0))
+    tracker = DoorwayTracker(SETTINGS)
+    for k, seen in enumerate((straight, straight, askew, straight, straight)):
+        (told,) = tracker.update([seen], HERE, 0.1 * k) or (None,)
+    assert abs(np.degrees(told.pose[2])) < 0.6 and abs(told.pose[0] - 2.0) < 0.003  # the mean: 2.4 degrees, 1 cm
+    # a door that stands elsewhere indeed is believed in the end
+    for k in range(40):
+        (told,) = tracker.update([askew], HERE, 1.0 + 0.1 * k)
+    assert np.degrees(told.pose[2]) > 10.0
+
+
 def test_no_number_of_frames_takes_away_the_error_that_all_share():
     tracker = DoorwayTracker(SETTINGS)
     for k in range(50):

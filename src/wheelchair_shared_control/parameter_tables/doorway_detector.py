@@ -140,6 +140,7 @@ TABLE = [
     P("tracker/floor", float, "m", 0.0, 0.5, "standard deviation of a place that no number of frames improves"),
     P("tracker/floor_angle", float, "degree", 0.0, 10.0, "the same of the direction"),
     P("tracker/width_sigma", float, "m", 0.001, 0.5, "standard deviation of one frame's width"),
+    P("tracker/surprise", float, "", 0.1, 1000.0, "squared Mahalanobis distance from which on a frame counts less"),
     P("tracker/view_near", float, "m", 0.0, 5.0, "nearest base_link at which both jambs are surely in view"),
     P("tracker/view_far", float, "m", 0.5, 10.0, "farthest"),
     P("tracker/view_angle", float, "degree", 0.0, 90.0, "largest bearing at which they are"),
