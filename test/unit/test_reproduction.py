@@ -8,6 +8,7 @@ import pytest
 from wheelchair_shared_control import blending, command_line
 from wheelchair_shared_control.experiments import claims, options, page, paper_figures
 from wheelchair_shared_control.experiments import reproduction as studies
+from wheelchair_shared_control.task_model import TaskModel
 from wheelchair_shared_control.values import Twist
 
 
@@ -141,3 +142,12 @@ def test_the_page_needs_nothing_else(tmp_path):
     assert text.count('class="verdict"') == len(judged())
     assert "replay --seed 1" in text
     assert 'name="viewport"' in text
+
+
+def test_models_of_fewer_demonstrations_can_be_loaded_again(tmp_path):
+    models = studies.models_by_demonstrations([1, 2, studies.PER_SCENE], tmp_path)
+    assert models[studies.PER_SCENE] is None
+    for number in (1, 2):
+        training = TaskModel.load(models[number]).training
+        assert len(training.provenance["bags"]) == 4 * number
+        assert [entry["samples"] for entry in training.provenance["bags"]] == list(np.bincount(training.bag_index))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wheelchair_shared_control import demonstration_recorder, demonstrations, parameters, teachers, training
+from wheelchair_shared_control import bags, demonstration_recorder, demonstrations, parameters, teachers, training
 from wheelchair_shared_control.experiments import compare, options
 from wheelchair_shared_control.task_model import TaskModel
 
@@ -115,8 +115,8 @@ def models_by_demonstrations(numbers, folder, progress=iter):
     Up to the shipped six, the bags are those of the shipped set; more are recorded as those were.
     """
     folder, shipped = Path(folder), TaskModel.load("paper").training
-    files = [entry["file"] for entry in shipped.provenance["bags"]]
-    samples = {Path(file).stem: shipped.samples[shipped.bag_index == i] for i, file in enumerate(files)}
+    shown = {Path(entry["file"]).stem: (shipped.samples[shipped.bag_index == i], entry)
+             for i, entry in enumerate(shipped.provenance["bags"])}
     result = {}
     for number in progress(numbers):
         if number == PER_SCENE:
@@ -125,11 +125,10 @@ def models_by_demonstrations(numbers, folder, progress=iter):
         path = folder / ("demonstrations_%d.npz" % number)
         if not path.exists():
             for name, scene, index in _names(number):
-                if name not in samples:
-                    samples[name] = _recorded(name, scene, index, shipped.provenance["seed"], folder)
-            chosen = [samples[name] for name, _, _ in _names(number)]
+                if name not in shown:
+                    shown[name] = _recorded(name, scene, index, shipped.provenance["seed"], folder)
             folder.mkdir(parents=True, exist_ok=True)
-            _trained(chosen, [name for name, _, _ in _names(number)], shipped).save(path)
+            _trained([shown[name] for name, _, _ in _names(number)], shipped).save(path)
         result[number] = str(path)
     return result
 
@@ -139,20 +138,23 @@ def _names(number):
 
 
 def _recorded(name, scene, index, seed, folder):
-    """Samples (n, 6) of one more teacher of the set ``paper``."""
+    """Samples (n, 6) of one more teacher of the set ``paper``, and what the model's provenance says of the bag."""
     path = folder / "bags" / (name + ".bag")
     if not path.exists():
         demonstration_recorder.record("paper", scene, index, seed, path, parameters.load("teachers"))
     found = demonstrations.read(path, parameters.load("demonstrations"), demonstrations.topic_names())
-    return found.samples.astype(np.float32)
+    entry = {"file": path.name, "sha256": bags.sha256(path), "samples": len(found.samples), "source": found.source}
+    return found.samples.astype(np.float32), entry
 
 
-def _trained(samples, names, shipped):
+def _trained(shown, shipped):
+    """Model of ``shown``, a list of (samples (n, 6), entry of the provenance)."""
     settings = parameters.load("training")
+    samples = [part for part, _ in shown]
     together = np.concatenate(samples)
     bag_index = np.repeat(np.arange(len(samples)), [len(part) for part in samples])
     provenance = dict(shipped.provenance, made_by="wheelchair_shared_control reproduce",
-                      bags=[{"file": name + ".bag", "samples": len(part)} for name, part in zip(names, samples)])
+                      bags=[entry for _, entry in shown])
     about = training.Training(together, bag_index, training.floors_of(settings), provenance)
     return training.fit(together.astype(float), settings.components, settings, shipped.provenance["seed"], about)
 
