@@ -4,6 +4,9 @@
 set -eu
 here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 [ $# -ge 1 ] || { echo "usage: rviz_picture.sh FILE.png [ARG:=VALUE ...]" >&2; exit 2; }
+for program in xvfb-run import convert; do
+  command -v "$program" > /dev/null || { echo "rviz_picture.sh: needs $program: apt-get install xvfb imagemagick" >&2; exit 1; }
+done
 picture=$1
 shift
 # shellcheck source=env.sh

@@ -67,9 +67,9 @@ TABLE += [
     P("planner/speed_at_contact", float, "m/s", 0.02, 1.0, "speed with no clearance at all"),
     P("planner/speed_per_clearance", float, "1/s", 0.0, 20.0, "speed gained per metre of clearance"),
     P("planner/speed_in_unknown", float, "m/s", 0.02, 1.0, "speed towards ground that was not seen"),
-    P("planner/min_clearance", float, "m", 0.0, 0.2, "least distance to a lethal cell's centre that is planned"),
+    P("planner/min_clearance", float, "m", 0.0, 0.2, "least distance to what is in a lethal cell that is planned"),
     P("planner/turn_clearance", float, "m", 0.0, 0.3, "the same for turns on the spot, which swing the corners"),
-    P("planner/margin", float, "m", 0.0, 0.2, "no command brings a lethal cell's centre closer at standstill"),
+    P("planner/margin", float, "m", 0.0, 0.2, "no command brings what is in a lethal cell closer at standstill"),
     P("planner/margin_per_speed", float, "s", 0.0, 0.5, "added to it per m/s of the outermost corner"),
 ]
 
