@@ -4,12 +4,14 @@ The paper's teachers drove each of four scenes six times, from several starts to
 moderate pace; slowly they used a broad range of turn rates, fast a narrow one, and beyond the door only
 towards where there was room (Goil 2013, IV-C). Set "paper" shows that; its approach is plain, as the paper
 says of its own (V-B). Set "full" also shows the limits of the range in the open space before the door
-(note 4). All in the door's frame: x along the crossing, 0 in the plane, y to the left of it.
+(note 4), and narrow and wide doors, in which teachers weave as much as the room beside the chair allows. All in the
+door's frame: x along the crossing, 0 in the plane, y to the left of it.
 """
 from typing import NamedTuple
 
 import numpy as np
 
+from wheelchair_shared_control.simulation.scenes import EXIT_GAP
 from wheelchair_shared_control.values import Twist
 
 SETS = ("paper", "full")
@@ -25,7 +27,7 @@ class Style(NamedTuple):
     ``pace`` "slow" or "moderate", ``speed`` [m/s]; ``start`` (3,) of base_link in the door's frame; ``ends``:
     headings beyond the door swing between these two [rad]; ``first`` 0 or 1: the end they swing to first;
     ``phase`` [rad] of the weave in the doorway; ``steadiness`` scales weave and hand; ``turn_first``: turns on
-    the spot before driving.
+    the spot before driving; ``door_width`` [m].
     """
 
     set_name: str
@@ -38,6 +40,7 @@ class Style(NamedTuple):
     phase: float
     steadiness: float
     turn_first: bool
+    door_width: float
 
 
 def style(set_name, scene, index, settings, rng):
@@ -59,7 +62,8 @@ def style(set_name, scene, index, settings, rng):
         heading = settings.turn_first * side
     start = np.array([-distance, offset, heading])
     free = FREE_SIDES[scene]
-    reach = getattr(settings, set_name).reach * rng.uniform(0.8, 1.0)
+    shown = getattr(settings, set_name)
+    reach = shown.reach * rng.uniform(0.8, 1.0)
     if not free:
         ends = (0.0, 0.0)
     elif len(free) == 1:
@@ -67,9 +71,12 @@ def style(set_name, scene, index, settings, rng):
     else:
         ends = (-reach, reach)
     first = 1 if len(free) == 1 or side > 0.0 else 0
+    # a third of the teachers at each of narrowest, middle, widest; another in every scene
+    wider = (which + SCENES.index(scene)) % 3 / 2.0
+    door_width = shown.narrowest + wider * (shown.widest - shown.narrowest)
     return Style(
         set_name, scene, pace, speed, start, ends, first, rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.8, 1.2),
-        turn_first
+        turn_first, door_width
     )
 
 
@@ -113,8 +120,18 @@ class Teacher:
         w = s.aim.gain * off * max(1.0, style.speed / 0.25)
         chair = s.wheelchair.footprint
         if x + chair.length - chair.axle_to_rear > -0.3:
-            w += self._weave * style.steadiness * np.sin(2.0 * np.pi * now / s.weave_period + style.phase)
+            weave = self._weave
+            if style.set_name == "full":
+                weave *= self._room_beside(x) / s.weave_room
+            w += weave * style.steadiness * np.sin(2.0 * np.pi * now / s.weave_period + style.phase)
         return w
+
+    def _room_beside(self, x):
+        """Room [m] on each side of a chair on the door's axis at ``x``: between the jambs, then between the walls."""
+        between = self.style.door_width
+        if self.style.scene == "hallway" and x > self.settings.hallway_begin:
+            between += 2.0 * EXIT_GAP
+        return 0.5 * (between - self.settings.wheelchair.footprint.width)
 
     def _swing(self, now, yaw, ends):
         """Turn rate [rad/s] of swings between two headings, each of its own size and haste.

@@ -26,11 +26,14 @@ def swings(set_name):
         P(key + "gain", float, "1/s", 0.5, 10.0, "turn rate per angle off the swing's end, up to the pace's turn"),
         P(key + "least", float, "", 0.0, 1.0, "the smallest swing, as a share of the largest"),
         P(key + "slowest", float, "", 0.0, 1.0, "turn rate of the slowest swing, as a share of the largest"),
+        P(key + "narrowest", float, "m", 0.7, 2.0, "the narrowest door that is driven"),
+        P(key + "widest", float, "m", 0.7, 2.0, "the widest; a third of the teachers drive one between"),
     ]
     for name in PACES:
         rows += [
             P(key + name + "/turn", float, "rad/s", 0.0, 1.0, "largest turn rate where there is room"),
-            P(key + name + "/weave", float, "rad/s", 0.0, 0.5, "turn rate of the weave in the doorway"),
+            P(key + name + "/weave", float, "rad/s", 0.0, 0.5,
+              "turn rate of the weave in the doorway; of set full with weave_room beside the chair"),
             P(key + name + "/end", float, "m", 1.0, 3.5,
               "base_link this far from the door, beyond it, the demonstration ends"),
         ]
@@ -53,6 +56,8 @@ TABLE = [
     P("hand/noise", float, "rad/s", 0.0, 0.3, "unsteadiness of the hand"),
     P("hand/time", float, "s", 0.05, 5.0, "how long an unsteadiness lasts"),
     P("weave_period", float, "s", 0.5, 10.0, "of the weave in the doorway"),
+    P("weave_room", float, "m", 0.01, 1.0, "full set: the weave grows with the room at each side; its unit"),
+    P("hallway_begin", float, "m", 0.36, 1.5, "full set: from this far beyond the plane the hallway is the room"),
     P("range_reach", float, "rad", 0.0, 2.0, "full set: how far they turn off the way before the door"),
     P("hallway_end", float, "m", 1.0, 3.9, "the same, of both sets and paces, where the way goes on between walls"),
     P("exit_begin", float, "m", 0.36, 1.5, "base_link this far beyond the plane, the turn begins"),
