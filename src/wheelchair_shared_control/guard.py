@@ -32,6 +32,9 @@ GRAZE = 0.003  # m: what reaches no further into the lane of the chair does not 
 # of a cell: without the costmap's surface, so far before the edge of a lethal cell an obstacle may begin, for a cell
 # that is filled less than half is left free (`costmap_surface`)
 JUTS = 0.5
+# m: the camera sees nothing nearer than 0.5 m, and the rangers look sideways from behind the corners. Between a reading
+# and what is marked beyond it, so far away, stands what nobody saw, and the corner turns into just that.
+BRIDGE = 0.35
 LANE = 0.25  # m beyond the edge within which an obstacle closes the way straight on
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
@@ -112,10 +115,11 @@ class Guard:
         )
         self._last_pose = np.array(pose, dtype=float)
 
-    def look(self, grid, pose, range_points=NOTHING, moving=None):
+    def look(self, grid, pose, range_points=NOTHING, moving=None, outermost=None):
         """The ``Scene`` around ``pose``: obstacles within ``max_range``, unknown ground within the guard's reach.
 
-        Without a grid the ranges alone.
+        Without a grid the ranges alone. ``outermost`` (`RangePoints.outermost`): from these readings a wall is taken
+        to go on to what the grid holds beyond them (BRIDGE).
         """
         range_points = np.ascontiguousarray(range_points, dtype=float)
         if grid is None:
@@ -128,6 +132,12 @@ class Guard:
             max(self._max_range, self._reach), self._reach, self._ground, GROUND_RESOLUTION,
         )
         cells = len(lethal)
+        if outermost is not None and len(outermost[0]):
+            unseen = sweep.bridge(
+                *outermost, lethal, np.asarray(pose, dtype=float), BRIDGE, grid.resolution, outline_.front, outline_.rear,
+                outline_.half_width,
+            )
+            range_points = np.concatenate((range_points, unseen))
         if len(range_points):
             lethal = np.concatenate((lethal, range_points))
             boxes = np.concatenate((boxes, _boxes_of(range_points)))

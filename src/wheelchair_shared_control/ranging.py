@@ -19,6 +19,7 @@ class RangePoints:
         self._x = np.array([xs[name.split("_")[1]] for name in RANGERS])
         self._side = np.array([1.0 if name.startswith("left") else -1.0 for name in RANGERS])
         self._y = rangers.y * self._side
+        self._ends = np.array([i for i, name in enumerate(RANGERS) if not name.endswith("middle")])
         self._minimum = rangers.min_range
         half = 0.5 * rangers.field_of_view
         self._angles = np.array([-half, 0.0, half])
@@ -62,6 +63,12 @@ class RangePoints:
         """Name and age [s] of the ranger whose last valid reading is oldest; negative if its clock is ahead."""
         i = int(np.argmin(self._valid))
         return RANGERS[i], now - (self._valid[i] if math.isnan(self._ahead[i]) else self._ahead[i])
+
+    def outermost(self):
+        """Middle of the beams (m, 2) in odom [m] of the front and rear rangers' readings, and whether each is in front."""
+        middle = self._points[self._ends, self._angles.size // 2]
+        valid = ~np.isnan(middle[:, 0])
+        return middle[valid], self._x[self._ends][valid] > 0.0
 
     def points(self):
         """Points (n, 2) in odom [m] of the readings within range."""

@@ -315,7 +315,8 @@ class SharedControl:
         points = self._ranges.points()
         if grid is not None and ages["costmap"] >= -limits.costmap:
             self._moving.update(grid)  # which passes over all that is older
-        scene = self.guard.look(grid, odometry.pose, points, None if grid is None else self._moving)
+        moving_cells = None if grid is None else self._moving
+        scene = self.guard.look(grid, odometry.pose, points, moving_cells, self._ranges.outermost())
         clearance = min(self.guard.clearance(scene, odometry.pose), self.settings.max_range)
         return _Sensors(problem, scene, clearance, dead)
 

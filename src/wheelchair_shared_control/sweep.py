@@ -83,6 +83,39 @@ def within(points, pose, front, rear, half_width, reach):
 
 
 @njit(cache=True)
+def bridge(readings, in_front, points, pose, reach, step, front, rear, half_width):
+    """Points (k, 2), at most ``step`` [m] apart, on lines from ``readings`` (m, 2) to ``points`` (n, 2) beyond them.
+
+    Beyond is further ahead of ``pose`` (3,) than the reading for one of a ranger ``in_front`` (m,), further back for the
+    others, and at most ``reach`` [m] away. Of points equally far away, to one ``step``, the one nearest to the footprint.
+    """
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    rings = int(reach / step) + 1
+    out = np.empty((len(readings) * rings * rings, 2))
+    count = 0
+    for i in range(len(readings)):
+        sign = 1.0 if in_front[i] else -1.0
+        nearest_to_chair, chosen = np.full(rings, np.inf), np.full(rings, -1)
+        for j in range(len(points)):
+            dx, dy = points[j, 0] - readings[i, 0], points[j, 1] - readings[i, 1]
+            distance = math.hypot(dx, dy)
+            if distance >= reach or sign * (cos * dx + sin * dy) <= 0.0:
+                continue
+            x, y = points[j, 0] - pose[0], points[j, 1] - pose[1]
+            away = signed_distance(cos * x + sin * y, cos * y - sin * x, front, rear, half_width)
+            ring = int(distance / step)
+            if away < nearest_to_chair[ring]:
+                nearest_to_chair[ring], chosen[ring] = away, j
+        for ring in range(1, rings):
+            j = chosen[ring]
+            for piece in range(1, ring + 1 if j >= 0 else 0):
+                share = piece / (ring + 1.0)
+                out[count] = (1.0 - share) * readings[i] + share * points[j]
+                count += 1
+    return out[:count].copy()
+
+
+@njit(cache=True)
 def gather(
     cells, surface, resolution, origin_x, origin_y, pose, front, rear, half_width, reach, unknown_reach, ground,
     ground_resolution,

@@ -52,13 +52,13 @@ class Chair:
             return math.inf
         return float(outline.distance_to_points(CHAIR, self.pose, self.obstacles).min())
 
-    def drive(self, command, duration, points=np.empty((0, 2))):
+    def drive(self, command, duration, points=np.empty((0, 2)), outermost=lambda: None):
         """Ask for ``command`` for ``duration`` [s]; returns the states that the guard gave."""
         states = []
         for _ in range(int(round(duration / TICK))):
             odometry = Odometry(self.now, self.pose, Twist(self.v, self.w))
             self.guard.stand_on(self.pose)
-            scene = self.guard.look(self.grid, self.pose, points)
+            scene = self.guard.look(self.grid, self.pose, points, outermost=outermost())
             self.verdict = self.guard.check(command, self.now, odometry, scene)
             self.guard.sent(self.now, self.verdict.command)
             self.sent.append((self.now, self.verdict.command))
@@ -435,3 +435,55 @@ def test_no_obstacle_is_overlooked_between_the_poses():
         limit = np.where(outside, min(margin, all_[0][outside].min()), all_[0]) - 1e-6
         hits = (all_[1:] < limit).any(axis=1)
         assert pose == (1 + int(np.argmax(hits)) if hits.any() else -1)
+
+
+class TestUnseenBesideACorner:
+    """A wall of which the map holds what the camera and the rangers saw, and not what lies between."""
+
+    TRUE_WALL = 0.42  # m to the left of base_link, along the chair
+
+    def chair(self, bridged, rear):
+        """A chair that turns a corner into the gap; least true distance of its corners to the wall [m]."""
+        low, high = (-0.75, -0.35) if rear else (0.60, 0.90)
+        side = -1.0 if rear else 1.0
+        grid = filled(filled(empty(), (-2.0, low), (0.425, 0.475)), (high, 2.0), (0.425, 0.475))
+        chair, readings = Chair(grid), RangePoints(SETTINGS.wheelchair)
+        rangers = SETTINGS.wheelchair.rangers
+        x = np.array([rangers.x_front, rangers.x_middle, rangers.x_rear, 9.0, 9.0, 9.0])
+
+        def outermost():
+            yaw = chair.pose[2]
+            mounted = chair.pose[1] + math.sin(yaw) * x + math.cos(yaw) * rangers.y
+            values = np.where(x < 9.0, (self.TRUE_WALL - mounted) / math.cos(yaw), np.inf)
+            readings.update(Ranges(chair.now + 1.0, values), chair.pose)
+            return readings.outermost() if bridged else None
+
+        nearest = math.inf
+        for _ in range(90):
+            chair.drive(Twist(0.02, 0.5 * side), TICK, outermost=outermost)
+            corner = se2.compose(chair.pose, np.array([CHAIR.rear if rear else CHAIR.front, CHAIR.half_width, 0.0]))
+            nearest = min(nearest, self.TRUE_WALL - corner[1])
+        return nearest
+
+    @pytest.mark.parametrize("rear", (False, True), ids=("front", "rear"))
+    def test_corner_does_not_turn_into_the_gap(self, rear):
+        assert self.chair(True, rear) > 0.005
+
+    @pytest.mark.parametrize("rear", (False, True), ids=("front", "rear"))
+    def test_that_is_what_closes_it(self, rear):
+        assert self.chair(False, rear) < -0.01
+
+    def test_nothing_is_made_up_before_a_reading_or_far_from_it(self):
+        guard, pose = Guard(SETTINGS), np.zeros(3)
+        grid = filled(filled(empty(), (0.2, 0.4), (0.5, 0.55)), (1.2, 1.4), (0.5, 0.55))
+        reading = (np.array([[0.60, 0.5]]), np.array([True]))
+        with_reading = guard.look(grid, pose, outermost=reading)
+        assert len(with_reading.still) == len(guard.look(grid, pose).still)
+
+    def test_gap_is_closed_by_points_on_the_line(self):
+        guard, pose = Guard(SETTINGS), np.zeros(3)
+        grid = filled(empty(), (0.8, 1.4), (0.5, 0.525))
+        scene = guard.look(grid, pose, outermost=(np.array([[0.60, 0.5125]]), np.array([True])))
+        made_up = scene.still[scene.cells:]
+        assert made_up[:, 0].min() > 0.60 and np.allclose(made_up[:, 1], 0.5125)
+        assert np.diff(np.unique(made_up[:, 0].round(6))).max() <= RESOLUTION + 1e-9
