@@ -134,8 +134,8 @@ class Guard:
         cells = len(lethal)
         if outermost is not None and len(outermost[0]):
             unseen = sweep.bridge(
-                *outermost, lethal, np.asarray(pose, dtype=float), BRIDGE, grid.resolution, outline_.front, outline_.rear,
-                outline_.half_width,
+                *outermost, lethal, np.asarray(pose, dtype=float), BRIDGE, grid.resolution,
+                outline_.front, outline_.rear, outline_.half_width,
             )
             range_points = np.concatenate((range_points, unseen))
         if len(range_points):

@@ -65,7 +65,7 @@ class RangePoints:
         return RANGERS[i], now - (self._valid[i] if math.isnan(self._ahead[i]) else self._ahead[i])
 
     def outermost(self):
-        """Middle of the beams (m, 2) in odom [m] of the front and rear rangers' readings, and whether each is in front."""
+        """Where front and rear rangers read: mid beam (m, 2) in odom [m], and whether each is in front (m,)."""
         middle = self._points[self._ends, self._angles.size // 2]
         valid = ~np.isnan(middle[:, 0])
         return middle[valid], self._x[self._ends][valid] > 0.0

@@ -86,8 +86,9 @@ def within(points, pose, front, rear, half_width, reach):
 def bridge(readings, in_front, points, pose, reach, step, front, rear, half_width):
     """Points (k, 2), at most ``step`` [m] apart, on lines from ``readings`` (m, 2) to ``points`` (n, 2) beyond them.
 
-    Beyond is further ahead of ``pose`` (3,) than the reading for one of a ranger ``in_front`` (m,), further back for the
-    others, and at most ``reach`` [m] away. Of points equally far away, to one ``step``, the one nearest to the footprint.
+    Beyond is further ahead of ``pose`` (3,) than the reading for one of a ranger ``in_front`` (m,), further back for
+    the others, and at most ``reach`` [m] away. Of points equally far away, to one ``step``, the one nearest to the
+    footprint counts.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     rings = int(reach / step) + 1

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from wheelchair_shared_control.ground import RESOLUTION, probes
+from wheelchair_shared_control.heap import pop, push
 
 STEP = 0.1  # m
 HEADINGS = 16
@@ -176,41 +177,6 @@ def _price(room, wanted):
 
 
 @njit(cache=True)
-def _push(heap_cost, heap_state, size, cost, state):
-    i = size
-    while i > 0:
-        parent = (i - 1) // 2
-        if heap_cost[parent] <= cost:
-            break
-        heap_cost[i], heap_state[i] = heap_cost[parent], heap_state[parent]
-        i = parent
-    heap_cost[i], heap_state[i] = cost, state
-    return size + 1
-
-
-@njit(cache=True)
-def _pop(heap_cost, heap_state, size):
-    """Take the lowest off the heap: its new size; the taken one is left behind its end."""
-    top_cost, top_state = heap_cost[0], heap_state[0]
-    size -= 1
-    cost, state = heap_cost[size], heap_state[size]
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= size:
-            break
-        if child + 1 < size and heap_cost[child + 1] < heap_cost[child]:
-            child += 1
-        if heap_cost[child] >= cost:
-            break
-        heap_cost[i], heap_state[i] = heap_cost[child], heap_state[child]
-        i = child
-    heap_cost[i], heap_state[i] = cost, state
-    heap_cost[size], heap_state[size] = top_cost, top_state
-    return size
-
-
-@njit(cache=True)
 def _dijkstra(table, seeds, moves, lengths, wanted, minimum):
     nx, ny, _ = table.shape
     nh = len(moves)
@@ -223,10 +189,10 @@ def _dijkstra(table, seeds, moves, lengths, wanted, minimum):
         i, j, h = int(seeds[s, 0]), int(seeds[s, 1]), int(seeds[s, 2])
         if 0 <= i < nx and 0 <= j < ny and table[i, j, 2 * h] >= minimum and seeds[s, 3] < cost[i, j, h]:
             cost[i, j, h], action[i, j, h] = seeds[s, 3], END
-            size = _push(heap_cost, heap_state, size, seeds[s, 3], (i * ny + j) * nh + h)
+            size = push(heap_cost, heap_state, size, seeds[s, 3], (i * ny + j) * nh + h)
     while size > 0:
-        size = _pop(heap_cost, heap_state, size)
-        here, state = heap_cost[size], heap_state[size]
+        here = heap_cost[0]
+        state, size = pop(heap_cost, heap_state, size)
         h, j, i = state % nh, (state // nh) % ny, state // (nh * ny)
         if here > cost[i, j, h]:
             continue
@@ -252,5 +218,5 @@ def _dijkstra(table, seeds, moves, lengths, wanted, minimum):
                 step = _TURN_COST * max(price, _price(table[ii, jj, half], wanted))
             if here + step < cost[ii, jj, hh] - 1e-9:
                 cost[ii, jj, hh], action[ii, jj, hh] = here + step, act
-                size = _push(heap_cost, heap_state, size, here + step, (ii * ny + jj) * nh + hh)
+                size = push(heap_cost, heap_state, size, here + step, (ii * ny + jj) * nh + hh)
     return cost, action

@@ -444,7 +444,7 @@ class TestUnseenBesideACorner:
 
     def chair(self, bridged, rear):
         """A chair that turns a corner into the gap; least true distance of its corners to the wall [m]."""
-        low, high = (-0.75, -0.35) if rear else (0.60, 0.90)
+        low, high = (-0.40, -0.02) if rear else (0.40, 0.80)
         side = -1.0 if rear else 1.0
         grid = filled(filled(empty(), (-2.0, low), (0.425, 0.475)), (high, 2.0), (0.425, 0.475))
         chair, readings = Chair(grid), RangePoints(SETTINGS.wheelchair)

@@ -2,42 +2,10 @@
 import numpy as np
 from numba import njit
 
+from wheelchair_shared_control.heap import pop, push
 from wheelchair_shared_control.planning.clearance import FAST, field_at
 
 COARSE = 0.1  # m
-
-
-@njit(**FAST)
-def push(keys, items, size, key, item):
-    i = size
-    while i > 0:
-        p = (i - 1) >> 1
-        if keys[p] <= key:
-            break
-        keys[i], items[i] = keys[p], items[p]
-        i = p
-    keys[i], items[i] = key, item
-    return size + 1
-
-
-@njit(**FAST)
-def pop(keys, items, size):
-    item = items[0]
-    size -= 1
-    key, last = keys[size], items[size]
-    i = 0
-    while True:
-        c = 2 * i + 1
-        if c >= size:
-            break
-        if c + 1 < size and keys[c + 1] < keys[c]:
-            c += 1
-        if keys[c] >= key:
-            break
-        keys[i], items[i] = keys[c], items[c]
-        i = c
-    keys[i], items[i] = key, last
-    return item, size
 
 
 @njit(**FAST)

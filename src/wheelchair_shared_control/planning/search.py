@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from wheelchair_shared_control.planning.bound import COARSE, cost_to_go, pop, push
+from wheelchair_shared_control.heap import pop, push
+from wheelchair_shared_control.planning.bound import COARSE, cost_to_go
 from wheelchair_shared_control.planning.clearance import FAST, clearance
 from wheelchair_shared_control.planning.pieces import FORWARD, REVERSE, TURN, Weights, drive, wrap
 from wheelchair_shared_control.planning.shots import AXIS_LENGTH, AXIS_POINTS, AXIS_STEP, axis_costs, shoot
