@@ -32,8 +32,8 @@ GRAZE = 0.003  # m: what reaches no further into the lane of the chair does not 
 # of a cell: without the costmap's surface, so far before the edge of a lethal cell an obstacle may begin, for a cell
 # that is filled less than half is left free (`costmap_surface`)
 JUTS = 0.5
-# m: the camera sees nothing nearer than 0.5 m, and the rangers look sideways from behind the corners. Between a reading
-# and what is marked beyond it, so far away, stands what nobody saw, and the corner turns into just that.
+# m: the camera sees nothing nearer than 0.5 m, and the front rangers look sideways from behind the corners. Between a
+# reading and what is marked ahead of it, so far away, is what nobody saw, and the corner turns into just that.
 BRIDGE = 0.35
 LANE = 0.25  # m beyond the edge within which an obstacle closes the way straight on
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
@@ -69,6 +69,7 @@ class Scene(NamedTuple):
     cells: int = 0  # the first so many of ``still`` are cells, the others readings of the rangers
     cell: float = 0.0  # edge of a cell [m]: what is a point here may begin half of it before the point
     jut: float = 0.0  # m: an obstacle in a cell may begin so much before its box
+    presumed: np.ndarray = NOTHING  # (p, 2) where nobody saw a wall end (BRIDGE); no policy knows of these
 
 
 class Guard:
@@ -115,11 +116,11 @@ class Guard:
         )
         self._last_pose = np.array(pose, dtype=float)
 
-    def look(self, grid, pose, range_points=NOTHING, moving=None, outermost=None):
+    def look(self, grid, pose, range_points=NOTHING, moving=None, foremost=NOTHING):
         """The ``Scene`` around ``pose``: obstacles within ``max_range``, unknown ground within the guard's reach.
 
-        Without a grid the ranges alone. ``outermost`` (`RangePoints.outermost`): from these readings a wall is taken
-        to go on to what the grid holds beyond them (BRIDGE).
+        Without a grid the ranges alone. ``foremost`` (m, 2), of `RangePoints.foremost`: from these readings a wall is
+        taken to go on to what the grid holds ahead of them (BRIDGE).
         """
         range_points = np.ascontiguousarray(range_points, dtype=float)
         if grid is None:
@@ -132,17 +133,15 @@ class Guard:
             max(self._max_range, self._reach), self._reach, self._ground, GROUND_RESOLUTION,
         )
         cells = len(lethal)
-        if outermost is not None and len(outermost[0]):
-            unseen = sweep.bridge(
-                *outermost, lethal, np.asarray(pose, dtype=float), BRIDGE, grid.resolution,
-                outline_.front, outline_.rear, outline_.half_width,
-            )
-            range_points = np.concatenate((range_points, unseen))
+        presumed = sweep.bridge(
+            np.ascontiguousarray(foremost, dtype=float), lethal, np.asarray(pose, dtype=float), BRIDGE, grid.resolution,
+            outline_.front, outline_.rear, outline_.half_width,
+        )
         if len(range_points):
             lethal = np.concatenate((lethal, range_points))
             boxes = np.concatenate((boxes, _boxes_of(range_points)))
         scene = Scene(lethal, boxes, unknown, cells=cells, cell=grid.resolution,
-                      jut=JUTS * grid.resolution if grid.surface is None else 0.0)
+                      jut=JUTS * grid.resolution if grid.surface is None else 0.0, presumed=presumed)
         if moving is not None and len(moving.points):
             scene = scene._replace(
                 moving=moving.points, moving_velocity=moving.velocities, moving_stamp=moving.stamp
@@ -233,7 +232,8 @@ class Guard:
 
     def _obstacles(self, scene, present, pose, acts):
         """Points (n, 2), their boxes (n, 4), velocities (n, 2), kinds (n,): 0 still, 1 moving, 2 unknown, 3 unknown
-        ahead; what each may jut out [m]; whether the way straight back and straight on is closed; the cells' jut."""
+        ahead, 4 presumed, which come last; what each may jut out [m]; whether the way straight back and straight on
+        is closed; the cells' jut."""
         if len(scene.unknown):
             # ahead of the chair as it stands now: what it reaches before the command acts was ahead, too
             dx, dy = scene.unknown[:, 0] - present[0], scene.unknown[:, 1] - present[1]
@@ -248,13 +248,15 @@ class Guard:
         box = self._footprint
         near = sweep.within(scene.still, pose, box.front, box.rear, box.half_width, self._reach)
         still = scene.still[near]
-        points = np.concatenate((still, moved, scene.unknown))
-        boxes = np.concatenate((scene.boxes[near], _boxes_of(moved), _boxes_of(scene.unknown)))
+        points = np.concatenate((still, moved, scene.unknown, scene.presumed))
+        others = (moved, scene.unknown, scene.presumed)
+        boxes = np.concatenate([scene.boxes[near]] + [_boxes_of(other) for other in others])
         juts = np.full(len(points), 0.5 * scene.cell)
         juts[: np.count_nonzero(near[: scene.cells])] = scene.jut
         velocities = np.zeros_like(points)
         velocities[len(still) : len(still) + len(moved)] = scene.moving_velocity
-        kinds = np.concatenate((np.zeros(len(still), int), np.ones(len(moved), int), unknown_kinds))
+        kinds = np.concatenate((np.zeros(len(still), int), np.ones(len(moved), int), unknown_kinds,
+                                np.full(len(scene.presumed), 4)))
         solid = boxes[: len(still) + len(moved)]
         lane = box.half_width - GRAZE + scene.jut
         way_closed = [
@@ -279,12 +281,14 @@ class Guard:
             juts + settings.margin + settings.margin_turning * turning
             + settings.margin_per_speed * math.hypot(command.v, swing)
         )
-        margins = np.where(kinds == 0, margin, np.where(kinds == 1, margin + settings.moving_margin, 0.0))
+        margins = np.where(kinds == 1, margin + settings.moving_margin, margin)
+        margins[(kinds == 2) | (kinds == 3)] = 0.0
         if abs(command.v) <= settings.unknown_speed:
             margins[kinds == 3] = -math.inf
         index, _ = sweep.first_violation(
-            poses, times, boxes, velocities, margins, PASSING if turning < STRAIGHT else 0.0,
-            CLOSEST + jut, settings.moving_horizon, box.front, box.rear, box.half_width, RIM,
+            poses, times, boxes, velocities, margins, len(kinds) - np.count_nonzero(kinds == 4),
+            PASSING if turning < STRAIGHT else 0.0, CLOSEST + jut, settings.moving_horizon,
+            box.front, box.rear, box.half_width, RIM,
         )
         return None if index < 0 else index
 
@@ -300,7 +304,7 @@ class Guard:
         }
         where = max(beyond, key=beyond.get)
         distance = max(sweep.signed_distance(x, y, box.front, box.rear, box.half_width), 0.0)
-        what = ("obstacle", "something moving", "unknown ground", "unknown ground")[kinds[index]]
+        what = ("obstacle", "something moving", "unknown ground", "unknown ground", "unseen wall")[kinds[index]]
         return "%s %.2f m %s" % (what, distance, where)
 
 

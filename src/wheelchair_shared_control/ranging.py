@@ -19,7 +19,7 @@ class RangePoints:
         self._x = np.array([xs[name.split("_")[1]] for name in RANGERS])
         self._side = np.array([1.0 if name.startswith("left") else -1.0 for name in RANGERS])
         self._y = rangers.y * self._side
-        self._ends = np.array([i for i, name in enumerate(RANGERS) if not name.endswith("middle")])
+        self._front = np.array([i for i, name in enumerate(RANGERS) if name.endswith("front")])
         self._minimum = rangers.min_range
         half = 0.5 * rangers.field_of_view
         self._angles = np.array([-half, 0.0, half])
@@ -64,11 +64,10 @@ class RangePoints:
         i = int(np.argmin(self._valid))
         return RANGERS[i], now - (self._valid[i] if math.isnan(self._ahead[i]) else self._ahead[i])
 
-    def outermost(self):
-        """Where front and rear rangers read: mid beam (m, 2) in odom [m], and whether each is in front (m,)."""
-        middle = self._points[self._ends, self._angles.size // 2]
-        valid = ~np.isnan(middle[:, 0])
-        return middle[valid], self._x[self._ends][valid] > 0.0
+    def foremost(self):
+        """Points (m, 2) in odom [m] in the middle of the front rangers' beams, where they read anything."""
+        middle = self._points[self._front, self._angles.size // 2]
+        return middle[~np.isnan(middle[:, 0])]
 
     def points(self):
         """Points (n, 2) in odom [m] of the readings within range."""

@@ -143,7 +143,7 @@ class SharedControl:
             self.update(
                 inputs._replace(
                     now=now, user_stamp=now, odometry=still._replace(stamp=now), grid=grid._replace(stamp=now),
-                    grid_received=now, ranges=Ranges(now, np.full(6, np.inf)), planner_stamp=now,
+                    grid_received=now, ranges=Ranges(now, np.full(6, 0.6)), planner_stamp=now,
                     assistance=ASSISTING if step else MANUAL,  # some policies have kernels of their own
                 )
             )
@@ -316,7 +316,7 @@ class SharedControl:
         if grid is not None and ages["costmap"] >= -limits.costmap:
             self._moving.update(grid)  # which passes over all that is older
         moving_cells = None if grid is None else self._moving
-        scene = self.guard.look(grid, odometry.pose, points, moving_cells, self._ranges.outermost())
+        scene = self.guard.look(grid, odometry.pose, points, moving_cells, self._ranges.foremost())
         clearance = min(self.guard.clearance(scene, odometry.pose), self.settings.max_range)
         return _Sensors(problem, scene, clearance, dead)
 

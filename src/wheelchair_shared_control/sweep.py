@@ -83,24 +83,25 @@ def within(points, pose, front, rear, half_width, reach):
 
 
 @njit(cache=True)
-def bridge(readings, in_front, points, pose, reach, step, front, rear, half_width):
+def bridge(readings, points, pose, reach, step, front, rear, half_width):
     """Points (k, 2), at most ``step`` [m] apart, on lines from ``readings`` (m, 2) to ``points`` (n, 2) beyond them.
 
-    Beyond is further ahead of ``pose`` (3,) than the reading for one of a ranger ``in_front`` (m,), further back for
-    the others, and at most ``reach`` [m] away. Of points equally far away, to one ``step``, the one nearest to the
-    footprint counts.
+    Beyond is further ahead of ``pose`` (3,) than the reading, and at most ``reach`` [m] away from it. Of points equally
+    far away, to one ``step``, the one nearest to the footprint counts. A reading inside the footprint is no wall's.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     rings = int(reach / step) + 1
     out = np.empty((len(readings) * rings * rings, 2))
     count = 0
     for i in range(len(readings)):
-        sign = 1.0 if in_front[i] else -1.0
+        x, y = readings[i, 0] - pose[0], readings[i, 1] - pose[1]
+        if signed_distance(cos * x + sin * y, cos * y - sin * x, front, rear, half_width) <= 0.0:
+            continue
         nearest_to_chair, chosen = np.full(rings, np.inf), np.full(rings, -1)
         for j in range(len(points)):
             dx, dy = points[j, 0] - readings[i, 0], points[j, 1] - readings[i, 1]
             distance = math.hypot(dx, dy)
-            if distance >= reach or sign * (cos * dx + sin * dy) <= 0.0:
+            if distance >= reach or cos * dx + sin * dy <= 0.0:
                 continue
             x, y = points[j, 0] - pose[0], points[j, 1] - pose[1]
             away = signed_distance(cos * x + sin * y, cos * y - sin * x, front, rear, half_width)
@@ -303,7 +304,7 @@ def brake(pose, v, w, command_v, command_w, hold, deceleration, turn_deceleratio
 
 @njit(cache=True)
 def first_violation(
-    poses, times, boxes, velocities, margins, passing, closest, horizon, front, rear, half_width, rim,
+    poses, times, boxes, velocities, margins, presumed, passing, closest, horizon, front, rear, half_width, rim,
 ):
     """Index of the box that the sweep comes too close to first, and of the pose; -1, -1 if none.
 
@@ -312,7 +313,8 @@ def first_violation(
     clearance is that of the nearest such box: the chair may pass along what it already stands close to, and
     ``passing`` [m] closer, for its raggedness, yet no closer than ``closest``. A box inside must not get deeper. A
     moving box must not be met sooner than by standing still. A margin of 0 marks unknown ground, which must not come
-    further than ``rim`` [m] below the outline; -inf a box of no account.
+    further than ``rim`` [m] below the outline; -inf a box of no account. Boxes from index ``presumed`` on are only
+    taken to stand there: near one of them the chair may come no nearer to the others than without it.
 
     No corner moves further between two poses than ``travel`` says, so that a box which is far away needs no
     look until the chair has come as far as it is away; how far that is its circle says.
@@ -331,7 +333,7 @@ def first_violation(
     for i in range(n):
         widest = max(widest, margins[i])
     starts, sizes = np.empty(n), np.empty(n)
-    present = math.inf
+    present = beside = math.inf
     for i in range(n):
         dx, dy = boxes[i, 1] - boxes[i, 0], boxes[i, 3] - boxes[i, 2]
         sizes[i] = 0.5 * math.sqrt(dx * dx + dy * dy)
@@ -342,19 +344,22 @@ def first_violation(
         # farther than any margin it does not matter how far
         if sizes[i] > 0.0 and starts[i] <= widest:
             starts[i] = box_distance(boxes[i], x, y, cos0, sin0, front, rear, half_width)
-        if margins[i] > 0.0 and 0.0 <= starts[i] < present:
-            present = starts[i]
+        if margins[i] > 0.0 and 0.0 <= starts[i]:
+            beside = min(beside, starts[i])
+            if i < presumed:
+                present = min(present, starts[i])
     if passing > 0.0:
         present = max(present - passing, min(present, closest))
+        beside = max(beside - passing, min(beside, closest))
     first_box, first_pose = -1, m
     box = np.empty(4)
     for i in range(n):
-        if margins[i] == -math.inf:
+        if margins[i] == -math.inf or (i >= presumed and starts[i] < 0.0):  # where the chair is there is no wall
             continue
         if margins[i] <= 0.0:
             limit = min(-rim, starts[i])
         elif starts[i] >= 0.0:
-            limit = min(margins[i], present)
+            limit = min(margins[i], present if i < presumed else beside)
         else:
             limit = starts[i]
         limit -= 1e-6

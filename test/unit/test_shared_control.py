@@ -10,7 +10,7 @@ from wheelchair_shared_control.grid import Grid
 from wheelchair_shared_control.guard import DEGRADED, FREE
 from wheelchair_shared_control.shared_control import Inputs, SharedControl
 from wheelchair_shared_control.task_model import Prediction
-from wheelchair_shared_control.values import STOP, Odometry, Ranges, Twist
+from wheelchair_shared_control.values import RANGERS, STOP, Odometry, Ranges, Twist
 
 SETTINGS = parameters.load("blender")
 LIMITS = SETTINGS.wheelchair.limits
@@ -441,3 +441,19 @@ def test_equal_inputs_give_equal_states():
 def test_unknown_policy():
     with pytest.raises(blending.PolicyError):
         SharedControl(SETTINGS, "nonsense")
+
+
+@pytest.mark.parametrize("ranger, presumes", (("left_front", True), ("left_rear", False), (None, False)))
+def test_a_wall_is_taken_to_go_on_from_a_front_rangers_reading(ranger, presumes):
+    """A wall to the left, of which the map holds what lies ahead of 0.85 m: the guard is told of the gap before it."""
+    cells = np.zeros((240, 240), np.int8)
+    cells[135:137, 154:] = 100  # y = 0.375 to 0.425 m
+    ranges = np.full(6, np.inf)
+    if ranger:
+        ranges[RANGERS.index(ranger)] = 0.375 - SETTINGS.wheelchair.rangers.y
+    run, scenes = Run("user"), []
+    look = run.control.guard.look
+    run.control.guard.look = lambda *args, **kwargs: scenes.append(look(*args, **kwargs)) or scenes[-1]
+    run.go(0.2, user=Twist(0.0, 0.5), grid=Grid(cells, 0.025, (-3.0, -3.0), 0.0), ranges=ranges)
+    assert all(bool(len(scene.presumed)) == presumes for scene in scenes) and scenes
+    assert all(0.60 < scene.presumed[:, 0].min() and scene.presumed[:, 0].max() < 0.9 for scene in scenes if presumes)

@@ -63,3 +63,14 @@ TABLE = [
     P("exit_begin", float, "m", 0.36, 1.5, "base_link this far beyond the plane, the turn begins"),
 ]
 TABLE += [row for name in PACES for row in pace(name)] + swings("paper") + swings("full")
+
+
+def contradiction(settings):
+    """What the parameters contradict each other in, in words; "" if in nothing."""
+    chair = settings.wheelchair.footprint.width
+    for name in ("paper", "full"):
+        shown = getattr(settings, name)
+        if not chair < shown.narrowest <= shown.widest:
+            text = "parameter '%s/narrowest' is %g, but must be above the chair's width, %g, and at most 'widest', %g"
+            return text % (name, shown.narrowest, chair, shown.widest)
+    return ""
