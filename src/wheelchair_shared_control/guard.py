@@ -44,6 +44,9 @@ RIM = 0.05
 # s: older odometry, which stops the chair anyway, is taken for so old (a stamp of 0 would be played through for ever)
 LONGEST_COAST = 1.0
 NOTHING = np.empty((0, 2))
+# what an obstacle is; unknown ground ahead of the chair may be driven onto slowly, other unknown ground not
+STILL, MOVING, UNKNOWN, UNKNOWN_AHEAD, PRESUMED = range(5)
+WORDS = ("obstacle", "something moving", "unknown ground", "unknown ground", "unseen wall")
 
 
 class Verdict(NamedTuple):
@@ -70,6 +73,20 @@ class Scene(NamedTuple):
     cell: float = 0.0  # edge of a cell [m]: what is a point here may begin half of it before the point
     jut: float = 0.0  # m: an obstacle in a cell may begin so much before its box
     presumed: np.ndarray = NOTHING  # (p, 2) where nobody saw a wall end (BRIDGE); no policy knows of these
+
+
+class Obstacles(NamedTuple):
+    """A ``Scene`` as one check sees it, the n obstacles in the order still, moving, unknown, presumed."""
+
+    points: np.ndarray  # (n, 2) m, in odom
+    boxes: np.ndarray  # (n, 4)
+    velocities: np.ndarray  # (n, 2) m/s
+    kinds: np.ndarray  # (n,) STILL .. PRESUMED
+    juts: np.ndarray  # (n,) m that each may begin before its box
+    presumed: int  # index of the first PRESUMED one
+    back_closed: bool  # whether something stands in the lane straight back
+    ahead_closed: bool
+    jut: float  # the cells' [m]
 
 
 class Guard:
@@ -182,7 +199,7 @@ class Guard:
         least = Twist(command.v * scale, command.w * scale)
         if scale < SLIDE_BELOW or abs(command.v) < CREEP:
             least = self._part(command, least, pose, v, w, obstacles)
-        point = obstacles[0][hit]
+        point = obstacles.points[hit]
         if least.v == 0.0 and least.w == 0.0:
             return Verdict(STOP, STOPPED, "stopped: " + what, point)
         if least == Twist(command.v * scale, command.w * scale):
@@ -231,14 +248,13 @@ class Guard:
         return best
 
     def _obstacles(self, scene, present, pose, acts):
-        """Points (n, 2), their boxes (n, 4), velocities (n, 2), kinds (n,): 0 still, 1 moving, 2 unknown, 3 unknown
-        ahead, 4 presumed, which come last; what each may jut out [m]; whether the way straight back and straight on
-        is closed; the cells' jut."""
+        """The ``Obstacles`` of ``scene`` for a command that acts at ``acts`` [s], when the chair, now at ``present``, has
+        come to ``pose``."""
         if len(scene.unknown):
             # ahead of the chair as it stands now: what it reaches before the command acts was ahead, too
             dx, dy = scene.unknown[:, 0] - present[0], scene.unknown[:, 1] - present[1]
             ahead = math.cos(present[2]) * dx + math.sin(present[2]) * dy > self._footprint.front - 1.5 * RIM
-            unknown_kinds = np.where(ahead, 3, 2)
+            unknown_kinds = np.where(ahead, UNKNOWN_AHEAD, UNKNOWN)
         else:
             unknown_kinds = np.empty(0, dtype=int)
         moved = NOTHING
@@ -248,26 +264,27 @@ class Guard:
         box = self._footprint
         near = sweep.within(scene.still, pose, box.front, box.rear, box.half_width, self._reach)
         still = scene.still[near]
-        points = np.concatenate((still, moved, scene.unknown, scene.presumed))
         others = (moved, scene.unknown, scene.presumed)
+        points = np.concatenate((still,) + others)
         boxes = np.concatenate([scene.boxes[near]] + [_boxes_of(other) for other in others])
         juts = np.full(len(points), 0.5 * scene.cell)
         juts[: np.count_nonzero(near[: scene.cells])] = scene.jut
         velocities = np.zeros_like(points)
         velocities[len(still) : len(still) + len(moved)] = scene.moving_velocity
-        kinds = np.concatenate((np.zeros(len(still), int), np.ones(len(moved), int), unknown_kinds,
-                                np.full(len(scene.presumed), 4)))
+        kinds = np.concatenate((
+            np.full(len(still), STILL), np.full(len(moved), MOVING), unknown_kinds, np.full(len(scene.presumed), PRESUMED)
+        ))
         solid = boxes[: len(still) + len(moved)]
         lane = box.half_width - GRAZE + scene.jut
-        way_closed = [
+        back_closed, ahead_closed = (
             sweep.way_is_closed(solid, pose, forward, LANE, box.front, box.rear, lane) for forward in (False, True)
-        ]
-        return points, boxes, velocities, kinds, juts, way_closed, scene.jut
+        )
+        return Obstacles(points, boxes, velocities, kinds, juts, len(points) - len(scene.presumed), back_closed,
+                         ahead_closed, scene.jut)
 
     def _hit(self, command, pose, v, w, obstacles):
         """Index of the first obstacle that the braking sweep of ``command`` meets, or None."""
-        _, boxes, velocities, kinds, juts, way_closed, jut = obstacles
-        settings, box = self._settings, self._footprint
+        settings, box, kinds = self._settings, self._footprint, obstacles.kinds
         poses, times = sweep.brake(
             pose, v, w, command.v, command.w, self._period, settings.deceleration, settings.turn_deceleration,
             self._actuation.lag,
@@ -275,26 +292,25 @@ class Guard:
         swing = abs(command.w) * box.circumscribed_radius
         # 0 straight on, 1 for a turn on the spot or nearly so: the arc's shape, whatever its speed
         turning = min(2.0 * swing / (abs(command.v) + swing), 1.0)
-        if command.v != 0.0 and way_closed[1 if command.v > 0.0 else 0]:
+        if command.v > 0.0 and obstacles.ahead_closed or command.v < 0.0 and obstacles.back_closed:
             turning = 1.0
         margin = (
-            juts + settings.margin + settings.margin_turning * turning
+            obstacles.juts + settings.margin + settings.margin_turning * turning
             + settings.margin_per_speed * math.hypot(command.v, swing)
         )
-        margins = np.where(kinds == 1, margin + settings.moving_margin, margin)
-        margins[(kinds == 2) | (kinds == 3)] = 0.0
+        margins = np.where(kinds == MOVING, margin + settings.moving_margin, margin)
+        margins[(kinds == UNKNOWN) | (kinds == UNKNOWN_AHEAD)] = 0.0
         if abs(command.v) <= settings.unknown_speed:
-            margins[kinds == 3] = -math.inf
+            margins[kinds == UNKNOWN_AHEAD] = -math.inf
         index, _ = sweep.first_violation(
-            poses, times, boxes, velocities, margins, len(kinds) - np.count_nonzero(kinds == 4),
-            PASSING if turning < STRAIGHT else 0.0, CLOSEST + jut, settings.moving_horizon,
+            poses, times, obstacles.boxes, obstacles.velocities, margins, obstacles.presumed,
+            PASSING if turning < STRAIGHT else 0.0, CLOSEST + obstacles.jut, settings.moving_horizon,
             box.front, box.rear, box.half_width, RIM,
         )
         return None if index < 0 else index
 
     def _describe(self, index, obstacles, pose):
-        points, kinds = obstacles[0], obstacles[3]
-        dx, dy = points[index] - pose[:2]
+        dx, dy = obstacles.points[index] - pose[:2]
         x = math.cos(pose[2]) * dx + math.sin(pose[2]) * dy
         y = math.cos(pose[2]) * dy - math.sin(pose[2]) * dx
         box = self._footprint
@@ -304,8 +320,7 @@ class Guard:
         }
         where = max(beyond, key=beyond.get)
         distance = max(sweep.signed_distance(x, y, box.front, box.rear, box.half_width), 0.0)
-        what = ("obstacle", "something moving", "unknown ground", "unknown ground", "unseen wall")[kinds[index]]
-        return "%s %.2f m %s" % (what, distance, where)
+        return "%s %.2f m %s" % (WORDS[obstacles.kinds[index]], distance, where)
 
 
 def _boxes_of(points):
