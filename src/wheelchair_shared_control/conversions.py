@@ -345,6 +345,20 @@ def fill_grid(message, grid):
     return message
 
 
+def fill_update(message, grid, before):
+    """Set a ``map_msgs/OccupancyGridUpdate`` to the cells of ``grid`` that are not as in ``before``, of equal shape.
+
+    It is a box around all of them, and one cell where nothing has changed: an update's stamp says that the grid lives.
+    """
+    rows, columns = np.nonzero(grid.cells != before.cells)
+    low_row, high_row = (int(rows.min()), int(rows.max())) if rows.size else (0, 0)
+    low_column, high_column = (int(columns.min()), int(columns.max())) if rows.size else (0, 0)
+    message.y, message.height = low_row, high_row - low_row + 1
+    message.x, message.width = low_column, high_column - low_column + 1
+    message.data = cells_data(grid.cells[low_row : high_row + 1, low_column : high_column + 1])
+    return message
+
+
 def fill_surface(message, grid, point_field):
     """Set a ``sensor_msgs/PointCloud2`` to the ``surface`` of ``grid``, lethal cells only; the header is the caller's.
 

@@ -5,7 +5,7 @@ laser) at most at the samples' rate becomes one look; all others are laid in as 
 """
 import numpy as np
 
-from wheelchair_shared_control import bags, camera, conversions, footprint, parameters, se2
+from wheelchair_shared_control import bags, camera, conversions, footprint, observations, parameters, se2
 from wheelchair_shared_control.bags import BagError
 from wheelchair_shared_control.costmap import Costmap, CostmapError, to_grid
 from wheelchair_shared_control.features import distances
@@ -116,11 +116,9 @@ class _Replay:
         pose, stamp = self._pose_at(message)
         if pose is None or self._too_soon("points", stamp):
             return
-        points = conversions.points_of(message)
         transform = camera.lifted(pose) @ self._mounting(message.header.frame_id)
-        points = points[np.isfinite(points).all(axis=1)] @ transform[:3, :3].T + transform[:3, 3]
         self._costmap.move_to(pose)
-        self._costmap.insert_points(points, transform[:3, 3], stamp, "points")
+        observations.insert_cloud(self._costmap, message, transform, stamp, "points")
         self._look("points", pose, stamp)
 
     def _scan(self, message):

@@ -151,6 +151,18 @@ def test_an_update_is_laid_into_a_copy():
     np.testing.assert_array_equal(new.cells, [[0, 0, 0, 0], [0, 0, 100, -1], [0, 0, 99, 5]])
 
 
+@pytest.mark.parametrize("changes, box", [
+    ({(1, 2): 100, (2, 1): -1}, (1, 1, 2, 2)), ({(2, 3): 7}, (3, 2, 1, 1)), ({}, (0, 0, 1, 1)),
+])
+def test_an_update_holds_what_has_changed_and_no_more(changes, box):
+    cells = GRID.cells.copy()
+    for place, value in changes.items():
+        cells[place] = value
+    message = conversions.fill_update(update(9, 9, [[0]]), GRID._replace(cells=cells), GRID)
+    assert (message.x, message.y, message.width, message.height) == box
+    np.testing.assert_array_equal(conversions.updated_grid(GRID, message).cells, cells)
+
+
 @pytest.mark.parametrize("patch, says", [
     (update(3, 0, [[1, 1]]), "do not fit"),
     (update(0, -1, [[1]]), "do not fit"),
