@@ -248,8 +248,10 @@ class Guard:
         return best
 
     def _obstacles(self, scene, present, pose, acts):
-        """The ``Obstacles`` of ``scene`` for a command that acts at ``acts`` [s], when the chair, now at ``present``, has
-        come to ``pose``."""
+        """The ``Obstacles`` of ``scene`` for a command that acts at ``acts`` [s].
+
+        The chair, now at ``present``, will then have come to ``pose``.
+        """
         if len(scene.unknown):
             # ahead of the chair as it stands now: what it reaches before the command acts was ahead, too
             dx, dy = scene.unknown[:, 0] - present[0], scene.unknown[:, 1] - present[1]
@@ -272,15 +274,18 @@ class Guard:
         velocities = np.zeros_like(points)
         velocities[len(still) : len(still) + len(moved)] = scene.moving_velocity
         kinds = np.concatenate((
-            np.full(len(still), STILL), np.full(len(moved), MOVING), unknown_kinds, np.full(len(scene.presumed), PRESUMED)
+            np.full(len(still), STILL), np.full(len(moved), MOVING), unknown_kinds,
+            np.full(len(scene.presumed), PRESUMED),
         ))
         solid = boxes[: len(still) + len(moved)]
         lane = box.half_width - GRAZE + scene.jut
         back_closed, ahead_closed = (
             sweep.way_is_closed(solid, pose, forward, LANE, box.front, box.rear, lane) for forward in (False, True)
         )
-        return Obstacles(points, boxes, velocities, kinds, juts, len(points) - len(scene.presumed), back_closed,
-                         ahead_closed, scene.jut)
+        return Obstacles(
+            points, boxes, velocities, kinds, juts, len(points) - len(scene.presumed), back_closed, ahead_closed,
+            scene.jut,
+        )
 
     def _hit(self, command, pose, v, w, obstacles):
         """Index of the first obstacle that the braking sweep of ``command`` meets, or None."""

@@ -74,7 +74,9 @@ def test_a_tilted_scanner_is_refused(roll):
 
 def test_rangers_that_did_not_speak_say_nothing():
     costmap = Costmap()
-    messages = {4: Message(range=0.5, min_range=0.1, max_range=1.5), 0: Message(range=9.0, min_range=0.1, max_range=1.5)}
+    messages = {
+        index: Message(range=reading, min_range=0.1, max_range=1.5) for index, reading in ((4, 0.5), (0, 9.0))
+    }
     observations.insert_ranges(costmap, messages, np.array([1.0, 2.0, 0.5]), 7.0, "mine")
     ranges, pose = costmap.only("insert_ranges")
     assert ranges.stamp == 7.0 and len(ranges.values) == len(RANGERS)

@@ -17,7 +17,7 @@ def styles(set_name, seed=3):
 
 
 def weave_amplitude(set_name, scene, width, x):
-    """Largest turn rate [rad/s] that the weave adds to a teacher who holds the axis at ``x``, without a hand's noise."""
+    """Largest turn rate [rad/s] of a teacher on the axis at ``x``, whose hand is steady: that of the weave."""
     settings = SETTINGS.replace(**{"hand/noise": 0.0, "aim/slew": 10.0})
     style = teachers.style(set_name, scene, 0, settings, np.random.default_rng(5))
     style = style._replace(door_width=width, steadiness=1.0, turn_first=False)
@@ -41,7 +41,8 @@ def test_every_scene_and_pace_of_the_full_set_shows_narrow_middle_and_wide_doors
 
 def test_widths_follow_the_parameters():
     settings = SETTINGS.replace(**{"full/narrowest": 0.75, "full/widest": 0.85})
-    widths = {teachers.style("full", "open", index, settings, np.random.default_rng(1)).door_width for index in range(6)}
+    styles = [teachers.style("full", "open", index, settings, np.random.default_rng(1)) for index in range(6)]
+    widths = {style.door_width for style in styles}
     assert sorted(widths) == pytest.approx([0.75, 0.80, 0.85])
 
 
