@@ -25,7 +25,7 @@ class Inputs(NamedTuple):
     ``user_stamp``, ``planner_stamp``, ``grid_received`` are times of arrival (a Twist has no stamp);
     ``prediction_stamp`` is when the question was asked, NaN for just now. ``user_planar``: whether the message's
     other four components were 0. ``ranges.stamp`` may be one stamp or six. ``model_reason`` says why there is no
-    prediction.
+    prediction. ``assistant_gone``: nobody is left who could end the assistance.
     """
 
     now: float
@@ -45,6 +45,7 @@ class Inputs(NamedTuple):
     model_reason: str = ""
     user_planar: bool = True
     planner_planar: bool = True
+    assistant_gone: bool = False
 
 
 class State(NamedTuple):
@@ -358,7 +359,9 @@ class SharedControl:
         planner_age, prediction_age = min(ages["planner"], began), min(ages["prediction"], began)
         if prediction_age <= limits.prediction:
             self._late_since = None
-        if sensors.degraded and began > limits.costmap_silence:
+        if inputs.assistant_gone:
+            self._end_assistance("doorway_assistant is gone")
+        elif sensors.degraded and began > limits.costmap_silence:
             # one that is only late, as when all nodes start at once, comes within that time
             self._end_assistance("no costmap")
         elif self._needs_planner and planner_age > limits.planner:

@@ -237,6 +237,19 @@ def test_a_stale_partner_ends_the_assistance_and_the_person_drives_on(policy, de
     assert run.go(1.0, assistance=ASSISTING, user=AHEAD)[-1].assisting
 
 
+@pytest.mark.parametrize("policy", ["planner", "learned_confidence", "fixed_share"])
+def test_nothing_goes_on_that_nobody_could_end(policy):
+    run = driving(policy, ASSISTING)
+    assert run.go(0.5)[-1].assisting
+    state = run.go(1.0, changes=dict(assistant_gone=True))[-1]
+    assert state.fault == "fault: doorway_assistant is gone" and not moves(state)
+    run.go(0.2, user=CENTRE)
+    assert run.go(2.0, user=Twist(0.3, -0.2))[-1].sent == pytest.approx((0.3, -0.2))
+    # when it is back, it says so first
+    run.go(0.5, assistance=MANUAL, changes=dict(assistant_gone=False))
+    assert run.go(1.0, assistance=ASSISTING, user=AHEAD)[-1].assisting
+
+
 @pytest.mark.parametrize("policy", ["distance", "fixed_share"])
 def test_a_policy_without_model_does_not_miss_it(policy):
     run = driving(policy, ASSISTING)
