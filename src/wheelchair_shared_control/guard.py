@@ -33,8 +33,13 @@ GRAZE = 0.003  # m: what reaches no further into the lane of the chair does not 
 # that is filled less than half is left free (`costmap_surface`)
 JUTS = 0.5
 # m: the camera sees nothing nearer than 0.5 m, and the front rangers look sideways from behind the corners. Between a
-# reading and what is marked ahead of it, so far away, is what nobody saw, and the corner turns into just that.
-BRIDGE = 0.35
+# reading and what is marked ahead of it is what nobody saw, and the corner turns into just that. A gap of this width is
+# taken for closed, within SPAN of the reading; the chair would not pass through it in any case.
+BRIDGE = 0.45
+SPAN = 0.8  # m
+BRIDGE_PITCH = 0.005  # m
+TOUCHING = 1.5  # cells from centre to centre: neighbours, also across a corner
+DETOUR = 1.7  # a wall that leads round a gap may be so much longer: in the corner of a room it is 1.41 at most
 LANE = 0.25  # m beyond the edge within which an obstacle closes the way straight on
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
@@ -136,8 +141,8 @@ class Guard:
     def look(self, grid, pose, range_points=NOTHING, moving=None, foremost=NOTHING):
         """The ``Scene`` around ``pose``: obstacles within ``max_range``, unknown ground within the guard's reach.
 
-        Without a grid the ranges alone. ``foremost`` (m, 2), of `RangePoints.foremost`: from these readings a wall is
-        taken to go on to what the grid holds ahead of them (BRIDGE).
+        Without a grid the ranges alone. ``foremost`` (m, 2), of `RangePoints.foremost`: from these readings on a wall is
+        taken to have no narrow gaps (BRIDGE).
         """
         range_points = np.ascontiguousarray(range_points, dtype=float)
         if grid is None:
@@ -151,7 +156,8 @@ class Guard:
         )
         cells = len(lethal)
         presumed = sweep.bridge(
-            np.ascontiguousarray(foremost, dtype=float), lethal, np.asarray(pose, dtype=float), BRIDGE, grid.resolution,
+            np.ascontiguousarray(foremost, dtype=float), lethal, boxes, np.asarray(pose, dtype=float),
+            TOUCHING * grid.resolution, BRIDGE, DETOUR, SPAN, BRIDGE_PITCH,
             outline_.front, outline_.rear, outline_.half_width,
         )
         if len(range_points):

@@ -10,7 +10,6 @@ import numpy as np
 from numba import njit
 
 STEP = 0.02  # s between the poses of a rollout: 1.2 cm at 0.6 m/s, 1.5 cm for a corner at 1 rad/s
-MAX_POSES = 256
 
 
 @njit(cache=True)
@@ -83,38 +82,81 @@ def within(points, pose, front, rear, half_width, reach):
 
 
 @njit(cache=True)
-def bridge(readings, points, pose, reach, step, front, rear, half_width):
-    """Points (k, 2), at most ``step`` [m] apart, on lines from ``readings`` (m, 2) to ``points`` (n, 2) beyond them.
+def _nearest_in(box, x, y):
+    return min(max(x, box[0]), box[1]), min(max(y, box[2]), box[3])
 
-    Beyond is further ahead of ``pose`` (3,) than the reading, and at most ``reach`` [m] away from it. Of points equally
-    far away, to one ``step``, the one nearest to the footprint counts. A reading inside the footprint is no wall's.
+
+@njit(cache=True)
+def bridge(
+    readings, points, boxes, pose, touching, reach, detour, span, pitch, front, rear, half_width,
+):
+    """Points (k, 2), ``pitch`` [m] apart, on straight lines across the gaps of what stands beside and ahead of a corner.
+
+    From each of ``readings`` (m, 2) the shortest ways are sought (Dijkstra) to all that stands further ahead of ``pose``
+    (3,) within ``span`` [m] of it: cells with centres ``points`` (n, 2) and ``boxes`` (n, 4). A step of at most
+    ``touching`` [m] from centre to centre is one along a wall; one of up to ``reach`` [m] is a gap, which counts
+    ``detour`` times its length. So a gap is crossed, and gets its line, where no wall leads round it that is not much
+    longer: not before the corner of a room, but before a ghost of the wall that stands behind it. A reading inside the
+    footprint is no wall's.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    rings = int(reach / step) + 1
-    out = np.empty((len(readings) * rings * rings, 2))
-    count = 0
+    lines = np.empty((len(readings) * len(points), 4))
+    count = total = 0
+    ahead = np.empty(len(points), np.int64)
+    away, parent = np.empty(len(points)), np.empty(len(points), np.int64)
     for i in range(len(readings)):
-        x, y = readings[i, 0] - pose[0], readings[i, 1] - pose[1]
-        if signed_distance(cos * x + sin * y, cos * y - sin * x, front, rear, half_width) <= 0.0:
+        dx, dy = readings[i, 0] - pose[0], readings[i, 1] - pose[1]
+        if signed_distance(cos * dx + sin * dy, cos * dy - sin * dx, front, rear, half_width) <= 0.0:
             continue
-        nearest_to_chair, chosen = np.full(rings, np.inf), np.full(rings, -1)
+        n = 0
         for j in range(len(points)):
             dx, dy = points[j, 0] - readings[i, 0], points[j, 1] - readings[i, 1]
-            distance = math.hypot(dx, dy)
-            if distance >= reach or cos * dx + sin * dy <= 0.0:
-                continue
-            x, y = points[j, 0] - pose[0], points[j, 1] - pose[1]
-            away = signed_distance(cos * x + sin * y, cos * y - sin * x, front, rear, half_width)
-            ring = int(distance / step)
-            if away < nearest_to_chair[ring]:
-                nearest_to_chair[ring], chosen[ring] = away, j
-        for ring in range(1, rings):
-            j = chosen[ring]
-            for piece in range(1, ring + 1 if j >= 0 else 0):
-                share = piece / (ring + 1.0)
-                out[count] = (1.0 - share) * readings[i] + share * points[j]
+            distance = math.sqrt(dx * dx + dy * dy)
+            if distance < span and cos * dx + sin * dy > 0.0:
+                if distance > touching:
+                    distance = distance * detour if distance < reach else math.inf
+                ahead[n], away[n], parent[n] = j, distance, -1
+                n += 1
+        while n > 0:
+            best = 0
+            for k in range(1, n):
+                if away[k] < away[best]:
+                    best = k
+            way = away[best]
+            if way == math.inf:
+                break
+            j, before = ahead[best], parent[best]
+            ax, ay = readings[i, 0], readings[i, 1]
+            if before >= 0:
+                ax, ay = points[before, 0], points[before, 1]
+            if (points[j, 0] - ax) ** 2 + (points[j, 1] - ay) ** 2 > touching * touching:
+                if before >= 0:
+                    ax, ay = _nearest_in(boxes[before], points[j, 0], points[j, 1])
+                bx, by = _nearest_in(boxes[j], ax, ay)
+                lines[count, 0], lines[count, 1], lines[count, 2], lines[count, 3] = ax, ay, bx, by
+                total += int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / pitch) + 2
                 count += 1
-    return out[:count].copy()
+            n -= 1
+            ahead[best], away[best], parent[best] = ahead[n], away[n], parent[n]
+            for k in range(n):
+                dx, dy = points[ahead[k], 0] - points[j, 0], points[ahead[k], 1] - points[j, 1]
+                distance = math.sqrt(dx * dx + dy * dy)
+                if distance > touching:
+                    if distance >= reach:
+                        continue
+                    distance *= detour
+                if way + distance < away[k]:
+                    away[k], parent[k] = way + distance, j
+    out = np.empty((total, 2))
+    at = 0
+    for i in range(count):
+        ax, ay, bx, by = lines[i]
+        pieces = int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / pitch) + 1
+        for piece in range(pieces + 1):
+            share = piece / pieces
+            out[at, 0], out[at, 1] = ax + share * (bx - ax), ay + share * (by - ay)
+            at += 1
+    return out
 
 
 @njit(cache=True)
@@ -277,12 +319,14 @@ def coast(pose, v, w, sent, since, until, dead_time, lag):
 @njit(cache=True)
 def brake(pose, v, w, command_v, command_w, hold, deceleration, turn_deceleration, lag):
     """Rollout of a command held for ``hold`` [s] and then braked along its arc: poses (n, 3), times (n,)."""
-    poses = np.empty((MAX_POSES, 3))
-    times = np.empty(MAX_POSES)
-    state = pose.copy()
     stop_time = max(abs(command_v) / deceleration, abs(command_w) / turn_deceleration)
+    # after eight lags a ten thousandth of any speed is left
+    most = int((hold + stop_time + 8.0 * lag) / STEP) + 4
+    poses = np.empty((most, 3))
+    times = np.empty(most)
+    state = pose.copy()
     n, t = 0, 0.0
-    while n < MAX_POSES:
+    while n < most:
         poses[n] = state
         times[n] = t
         n += 1
@@ -294,7 +338,7 @@ def brake(pose, v, w, command_v, command_w, hold, deceleration, turn_deceleratio
         v, w = advance(state, v, w, command_v * scale, command_w * scale, lag, STEP)
         t += STEP
         if scale == 0.0 and abs(v) < 0.01 and abs(w) < 0.01:
-            if n < MAX_POSES:
+            if n < most:
                 poses[n] = state
                 times[n] = t
                 n += 1
