@@ -141,8 +141,8 @@ class Guard:
     def look(self, grid, pose, range_points=NOTHING, moving=None, foremost=NOTHING):
         """The ``Scene`` around ``pose``: obstacles within ``max_range``, unknown ground within the guard's reach.
 
-        Without a grid the ranges alone. ``foremost`` (m, 2), of `RangePoints.foremost`: from these readings on a wall is
-        taken to have no narrow gaps (BRIDGE).
+        Without a grid the ranges alone. From the readings ``foremost`` (m, 2), of `RangePoints.foremost`, on a wall
+        is taken to have no narrow gaps (BRIDGE).
         """
         range_points = np.ascontiguousarray(range_points, dtype=float)
         if grid is None:

@@ -90,14 +90,14 @@ def _nearest_in(box, x, y):
 def bridge(
     readings, points, boxes, pose, touching, reach, detour, span, pitch, front, rear, half_width,
 ):
-    """Points (k, 2), ``pitch`` [m] apart, on straight lines across the gaps of what stands beside and ahead of a corner.
+    """Points (k, 2), ``pitch`` [m] apart, on straight lines across the gaps of what stands beside a front corner.
 
-    From each of ``readings`` (m, 2) the shortest ways are sought (Dijkstra) to all that stands further ahead of ``pose``
-    (3,) within ``span`` [m] of it: cells with centres ``points`` (n, 2) and ``boxes`` (n, 4). A step of at most
-    ``touching`` [m] from centre to centre is one along a wall; one of up to ``reach`` [m] is a gap, which counts
-    ``detour`` times its length. So a gap is crossed, and gets its line, where no wall leads round it that is not much
-    longer: not before the corner of a room, but before a ghost of the wall that stands behind it. A reading inside the
-    footprint is no wall's.
+    From each of ``readings`` (m, 2) the shortest ways are sought (Dijkstra) to all that stands further ahead of
+    ``pose`` (3,) within ``span`` [m] of it: cells with centres ``points`` (n, 2) and ``boxes`` (n, 4). A step of at
+    most ``touching`` [m] from centre to centre is one along a wall; one of up to ``reach`` [m] is a gap, which counts
+    ``detour`` times its length. So a gap is crossed, and gets its line, where no wall leads round it that is not
+    much longer: not before the corner of a room, but before a ghost of the wall that stands behind it. A reading
+    inside the footprint is no wall's.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     lines = np.empty((len(readings) * len(points), 4))

@@ -7,7 +7,7 @@ import pytest
 
 from wheelchair_shared_control import conversions, parameters, se2, sweep
 from wheelchair_shared_control import footprint as outline
-from wheelchair_shared_control.grid import Grid
+from wheelchair_shared_control.grid import WHOLE_CELLS, Grid
 from wheelchair_shared_control.guard import FREE, SLOWED, STOPPED, Guard
 from wheelchair_shared_control.limiter import Limiter
 from wheelchair_shared_control.moving import MovingCells
@@ -440,77 +440,152 @@ def test_no_obstacle_is_overlooked_between_the_poses():
 class TestUnseenBesideACorner:
     """A wall of which the map holds what the camera and the rangers saw, and not what lies between."""
 
-    TRUE_WALL = 0.42  # m to the left of base_link, along the chair
+    @staticmethod
+    def turned(wall, seen_from, start, command, bridged=True, marked=0.10, duration=4.0):
+        """Least true distance [m] of the outline to a wall at y = ``wall``.
 
-    def nearest(self, bridged):
-        """Least true distance [m] of the front corner to the wall while it turns into the gap."""
-        grid = filled(filled(empty(), (-2.0, 0.40), (0.425, 0.475)), (0.80, 2.0), (0.425, 0.475))
-        chair, readings = Chair(grid), RangePoints(SETTINGS.wheelchair)
-        rangers = SETTINGS.wheelchair.rangers
+        The map holds it up to x = ``marked`` and again from ``seen_from`` on.
+        """
+        begin = math.ceil(wall / RESOLUTION - 1e-9) * RESOLUTION
+        grid = filled(filled(empty(), (-2.0, marked), (begin, begin + 0.05)), (seen_from, 2.5), (begin, begin + 0.05))
+        chair, readings = Chair(grid._replace(surface=WHOLE_CELLS), start), RangePoints(SETTINGS.wheelchair)
+        rangers, nearest = SETTINGS.wheelchair.rangers, math.inf
         x = np.array([rangers.x_front, rangers.x_middle, rangers.x_rear])
-
-        def foremost():
-            yaw = chair.pose[2]
-            mounted = chair.pose[1] + math.sin(yaw) * x + math.cos(yaw) * rangers.y
-            values = np.concatenate(((self.TRUE_WALL - mounted) / math.cos(yaw), np.full(3, np.inf)))
-            readings.update(Ranges(chair.now + 1.0, values), chair.pose)
-            return readings.foremost() if bridged else np.empty((0, 2))
-
-        nearest = math.inf
-        for _ in range(90):
-            chair.drive(Twist(0.02, 0.5), TICK, foremost=foremost)
-            corner = se2.compose(chair.pose, np.array([CHAIR.front, CHAIR.half_width, 0.0]))
-            nearest = min(nearest, self.TRUE_WALL - corner[1])
+        for tick in range(int(round(duration / TICK))):
+            if tick % 3 == 0:
+                mounted = chair.pose[1] + math.sin(chair.pose[2]) * x + math.cos(chair.pose[2]) * rangers.y
+                values = (wall - mounted) / math.cos(chair.pose[2])
+                values[values < rangers.min_range], values[values > rangers.max_range] = -np.inf, np.inf
+                readings.update(Ranges(chair.now + 1.0, np.concatenate((values, np.full(3, np.inf)))), chair.pose)
+            chair.drive(command, TICK, readings.points(), readings.foremost if bridged else lambda: np.empty((0, 2)))
+            nearest = min(nearest, wall - outline.corners(CHAIR, chair.pose)[:, 1].max())
         return nearest
 
-    def test_corner_does_not_turn_into_the_gap(self):
-        assert self.nearest(True) > 0.005
+    # wall, where the map holds it again, start, command; without the line each of these touches
+    TOUCH = [
+        (0.55, 0.85, (0.0, 0.0, 0.0), Twist(0.2, 0.5)),
+        (0.55, 0.85, (0.0, 0.0, 0.0), Twist(0.02, 0.5)),
+        (0.40, 0.775, (0.0, -0.0818, 0.210), Twist(0.10, 0.5)),
+        (0.55, 0.775, (0.0, 0.1004, 0.168), Twist(0.05, 0.5)),
+    ]
 
-    def test_that_is_what_closes_it(self):
-        assert self.nearest(False) < -0.01
+    @pytest.mark.parametrize("wall, seen_from, start, command", TOUCH)
+    def test_corner_does_not_turn_into_the_gap(self, wall, seen_from, start, command):
+        assert self.turned(wall, seen_from, start, command) > 0.005
+
+    @pytest.mark.parametrize("wall, seen_from, start, command", TOUCH)
+    def test_that_is_what_closes_it(self, wall, seen_from, start, command):
+        assert self.turned(wall, seen_from, start, command, bridged=False) < -0.005
+
+    @pytest.mark.parametrize("seed", range(25))
+    def test_no_pose_beside_a_gap_ends_in_it(self, seed):
+        rng = np.random.default_rng([78, seed])
+        wall = RESOLUTION * rng.integers(15, 25)
+        yaw, beside = rng.uniform(0.0, 0.35), rng.uniform(0.01, 0.08)
+        y = wall - beside - CHAIR.front * math.sin(yaw) - CHAIR.half_width * math.cos(yaw)
+        reading = 0.60 * math.cos(yaw) - (wall - y - 0.60 * math.sin(yaw)) * math.tan(yaw)
+        command = Twist(rng.choice([0.0, 0.02, 0.05, 0.1, 0.2]), rng.choice([0.1, 0.3, 0.5]))
+        assert self.turned(wall, reading + rng.uniform(0.15, 0.32), (0.0, y, yaw), command, duration=3.0) > 0.0
+
+    def lines(self, grid, reading, pose=(0.0, 0.0, 0.0)):
+        scene = Guard(SETTINGS).look(grid, np.array(pose), foremost=np.array([reading]))
+        assert len(scene.still) == len(scene.boxes) == scene.cells  # no policy sees them
+        return scene.presumed
 
     def test_nothing_is_made_up_before_a_reading_or_far_from_it(self):
         grid = filled(filled(empty(), (0.2, 0.4), (0.5, 0.55)), (1.2, 1.4), (0.5, 0.55))
-        assert not len(Guard(SETTINGS).look(grid, np.zeros(3), foremost=np.array([[0.60, 0.5]])).presumed)
+        assert not len(self.lines(grid, (0.60, 0.5)))
 
     def test_a_reading_inside_the_outline_is_no_walls(self):
         """As of a ranger at its minimum (-Inf), with a blanket over it: a door ahead stays open."""
         grid = filled(filled(empty(), (0.85, 0.97), (0.40, 2.0)), (0.85, 0.97), (-2.0, -0.40))
-        assert not len(Guard(SETTINGS).look(grid, np.zeros(3), foremost=np.array([[0.60, 0.275]])).presumed)
+        assert not len(self.lines(grid, (0.60, 0.275)))
 
     def test_gap_is_closed_by_points_on_the_line_from_end_to_end(self):
-        grid = filled(empty(), (0.8, 1.4), (0.5, 0.525))
-        scene = Guard(SETTINGS).look(grid, np.zeros(3), foremost=np.array([[0.60, 0.5125]]))
-        made_up = np.unique(scene.presumed[:, 0].round(6))
-        assert np.allclose(scene.presumed[:, 1], 0.5125)
-        assert 0.60 < made_up[0] <= 0.60 + RESOLUTION and made_up[-1] >= 0.80 - RESOLUTION
-        assert np.diff(made_up).max() <= RESOLUTION + 1e-9
-        assert len(scene.still) == len(scene.boxes) == scene.cells  # no policy sees them
+        made_up = self.lines(filled(empty(), (0.8, 1.4), (0.5, 0.525)), (0.60, 0.51))
+        assert np.allclose(made_up[:, 1], 0.51)
+        assert made_up[:, 0].min() == pytest.approx(0.60) and made_up[:, 0].max() == pytest.approx(0.80)
+        assert np.diff(np.sort(made_up[:, 0])).max() <= 0.005 + 1e-9
+
+    def test_a_ghost_of_the_wall_behind_it_does_not_take_the_line_away(self):
+        """Odometry drifts: what was seen a minute ago stands 0.1 m off, as one wall with what is seen now."""
+        seen = filled(filled(empty(), (0.55, 0.675), (0.5, 0.525)), (0.875, 1.4), (0.5, 0.525))
+        ghost = filled(filled(seen, (0.55, 1.4), (0.625, 0.65)), (1.375, 1.4), (0.5, 0.65))
+        made_up = self.lines(ghost, (0.60, 0.5))
+        surface = made_up[np.abs(made_up[:, 1] - 0.5125) < 0.02]
+        assert surface[:, 0].min() < 0.69 and surface[:, 0].max() > 0.86
+
+    @pytest.mark.parametrize("beside", [0.375, 0.425, 0.50])
+    @pytest.mark.parametrize("ahead", [0.80, 0.95, 1.2])
+    def test_a_room_that_is_all_in_the_map_stays_as_it_is(self, beside, ahead):
+        """The corner of the room is no gap to be closed across."""
+        grid = filled(empty(), (-2.0, ahead), (beside, beside + 0.05))
+        grid = filled(grid, (ahead, ahead + 0.05), (-2.0, beside + 0.05))
+        assert not len(self.lines(grid, (0.60, beside)))
+
+    @pytest.mark.parametrize("width", [0.71, 0.80, 0.90])
+    @pytest.mark.parametrize("aside", [0.05, 0.15, 0.30])
+    def test_nor_does_a_chair_askew_before_a_door_lose_anything(self, width, aside):
+        half = 0.5 * width
+        grid = empty()
+        for sign in (1.0, -1.0):
+            for x, low, high in (((0.9, 1.0), half, 2.5), ((-2.0, 0.9), half + aside, half + aside + 0.1)):
+                grid = filled(grid, x, (low, high) if sign > 0.0 else (-high, -low))
+        rng = np.random.default_rng(5)
+        for _ in range(20):
+            pose = np.array([rng.uniform(-0.1, 0.3), rng.uniform(-0.25, 0.25), rng.uniform(-0.35, 0.35)])
+            ranger = se2.compose(pose, np.array([0.60, SETTINGS.wheelchair.rangers.y, 0.0]))
+            reading = se2.compose(ranger, np.array([0.0, (half + aside - ranger[1]) / math.cos(pose[2]), 0.0]))[:2]
+            if reading[0] > 0.85:  # the beam meets the door's wall first
+                continue
+            guard, odometry = Guard(SETTINGS), Odometry(0.0, pose, STOP)
+            plain, bridged = guard.look(grid, pose), guard.look(grid, pose, foremost=np.array([reading]))
+            for command in (Twist(0.1, 0.0), Twist(0.1, 0.2), Twist(0.1, -0.2), Twist(0.0, 0.4), Twist(0.0, -0.4)):
+                passed = [guard.check(command, 0.0, odometry, scene).command for scene in (plain, bridged)]
+                assert passed[0] == passed[1]
 
     @pytest.mark.parametrize("seed", range(8))
     def test_what_is_made_up_never_allows_more(self, seed):
-        """In a hallway behind a door the present clearance is that of what was seen, not of what was made up."""
+        """What passes with it passes without it, whether it lies nearer than all that was seen or not."""
         rng = np.random.default_rng([77, seed])
-        wall = 0.40 + 0.15
-        grid = empty()
-        for sign in (1.0, -1.0):
-            for (x, low, high) in (((-0.06, 0.06), 0.40, 2.0), ((0.06, 2.5), wall, wall + 0.1)):
-                y = (low, high) if sign > 0.0 else (-high, -low)
-                grid = filled(grid, x, y)
-        tried = 0
+        tried = changed = 0
         while tried < 25:
-            pose = np.array([rng.uniform(0.3, 1.5), rng.uniform(-0.2, 0.2), rng.uniform(-0.35, 0.35)])
+            wall, gap = RESOLUTION * rng.integers(14, 20), rng.uniform(0.1, 0.35)
+            grid = filled(filled(empty(), (-2.0, 0.6), (wall, wall + 0.05)), (0.6 + gap, 2.0), (wall, wall + 0.05))
+            grid = filled(grid, (0.2, 2.0), (-wall - 0.1, -wall))
+            pose = np.array([0.0, rng.uniform(-0.05, 0.1), rng.uniform(0.0, 0.25)])
             guard = Guard(SETTINGS)
-            side = 1.0 if rng.random() < 0.5 else -1.0
-            ranger = se2.compose(pose, np.array([0.60, side * SETTINGS.wheelchair.rangers.y, 0.0]))
-            beam = (side * wall - ranger[1]) / (side * math.cos(pose[2]))
-            reading = se2.compose(ranger, np.array([0.0, side * beam, 0.0]))[:2]
             plain = guard.look(grid, pose)
             if guard.clearance(plain, pose) <= 0.005:
                 continue
             tried += 1
-            bridged = guard.look(grid, pose, foremost=reading[None])
+            bridged = guard.look(grid, pose, foremost=np.array([[0.6, wall]]))
             command, odometry = Twist(rng.choice([0.0, 0.1, -0.1]), rng.uniform(-0.5, 0.5)), Odometry(0.0, pose, STOP)
-            free = guard.check(command, 0.0, odometry, plain).command
-            less = guard.check(command, 0.0, odometry, bridged).command
-            assert abs(less.v) + abs(less.w) <= abs(free.v) + abs(free.w) + 1e-9
+            passed = guard.check(command, 0.0, odometry, bridged).command
+            assert guard.check(passed, 0.0, odometry, plain).command == passed
+            changed += passed != guard.check(command, 0.0, odometry, plain).command
+        assert changed
+
+    @staticmethod
+    def straight_on(real, presumed, way=0.010):
+        """What keeps a chair from going so far [m] towards two points before its front: 0, 1 (presumed), or -1."""
+        points = np.array([[CHAIR.front + real, 0.0], [CHAIR.front + presumed, 0.2]])
+        poses = np.zeros((11, 3))
+        poses[:, 0] = np.linspace(0.0, way, 11)
+        hit, _ = sweep.first_violation(
+            poses, np.arange(11) * 0.02, np.repeat(points, 2, axis=1), np.zeros_like(points), np.full(2, 0.05), 1, 0.0,
+            0.008, 1.0, CHAIR.front, CHAIR.rear, CHAIR.half_width, 0.05,
+        )
+        return hit
+
+    def test_beside_what_is_made_up_the_chair_comes_no_nearer_to_what_was_seen(self):
+        assert self.straight_on(0.020, 0.5) == 0
+        assert self.straight_on(0.020, 0.005) == 0  # 5 mm are not what stands there
+        assert self.straight_on(0.5, 0.020) == 1
+        assert self.straight_on(0.5, 0.065) == -1
+
+    def test_nobody_is_trapped_by_what_is_made_up(self):
+        assert self.straight_on(0.020, 0.005, way=-0.010) == -1
+
+    def test_where_the_chair_is_there_is_no_wall(self):
+        assert self.straight_on(0.5, -0.001) == -1
