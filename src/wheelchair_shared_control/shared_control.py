@@ -14,7 +14,7 @@ from wheelchair_shared_control.grid import Grid
 from wheelchair_shared_control.guard import DEGRADED, FREE, STOPPED, Guard
 from wheelchair_shared_control.limiter import Limiter, within_limits
 from wheelchair_shared_control.ranging import RangePoints
-from wheelchair_shared_control.values import STOP, Doorway, Odometry, Ranges, Twist
+from wheelchair_shared_control.values import CLOCK_SLIP, STOP, Doorway, Odometry, Ranges, Twist
 
 NEVER = -math.inf
 
@@ -173,7 +173,10 @@ class SharedControl:
     def update(self, inputs, prediction=None):
         """One tick: decides what is sent now. ``prediction`` is the task model's answer, or None."""
         now, limits = inputs.now, self.settings.wheelchair.limits
-        if self._last is not None and now < self._last - 1e-9:
+        if self._last is not None and self._last - CLOCK_SLIP <= now < self._last:
+            now = self._last  # time stands until the clock is there again
+            inputs = inputs._replace(now=now)
+        if self._last is not None and now < self._last:
             self.reset()  # the clock was set back
             self._of_old_clock = {name: stamp for name, stamp in _arrivals(inputs) if stamp > now}
         if self._of_old_clock:

@@ -6,6 +6,10 @@ import numpy as np
 RANGERS = ("left_front", "left_middle", "left_rear", "right_front", "right_middle", "right_rear")
 
 
+# s: by so much a computer's clock is put right (NTP) while it runs; a longer way back is another clock's
+CLOCK_SLIP = 0.1
+
+
 class Twist(NamedTuple):
     """A command or a velocity: ``v`` [m/s] forward, ``w`` [rad/s] counter-clockwise."""
 

@@ -117,6 +117,14 @@ class World:
             callback(message, argument)
 
 
+def test_a_clock_that_is_put_right_by_a_little_changes_nothing(monkeypatch):
+    node = load()
+    world = World(node, monkeypatch, {30: (1001.40, False)})  # 0.05 s before the cycle before
+    node.run(parameters.load("move_base").replace(**{"local_costmap/observation_sources": "rangers"}))
+    speeds = dict(world.speeds)
+    assert min(speed for cycle, speed in speeds.items() if 29 <= cycle < 45) > 0.1
+
+
 @pytest.mark.parametrize("raises", [False, True], ids=["within a cycle", "while it sleeps"])
 def test_a_clock_that_is_set_back_stops_the_chair_only_for_a_moment(monkeypatch, raises):
     node = load()

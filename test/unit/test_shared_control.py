@@ -402,6 +402,16 @@ def test_the_clock_set_back_is_a_new_start():
 
 
 @pytest.mark.parametrize("policy", ["user", "learned_variance"])
+def test_a_clock_that_is_put_right_by_a_little_is_no_new_start(policy):
+    run = driving(policy, assistance=ASSISTING)
+    before = run.go(0.5)[-1]
+    run.now -= 0.08
+    states = run.go(1.0)
+    assert all(state.sent == pytest.approx(before.sent, abs=1e-3) and not state.fault for state in states)
+    assert all(later.stamp >= earlier.stamp for earlier, later in zip([before] + states, states))
+
+
+@pytest.mark.parametrize("policy", ["user", "learned_variance"])
 def test_what_came_before_the_clock_was_set_back_is_never_fresh_again(policy):
     run = driving(policy, assistance=ASSISTING)
     run.now = 0.0
