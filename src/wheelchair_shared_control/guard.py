@@ -32,14 +32,12 @@ GRAZE = 0.003  # m: what reaches no further into the lane of the chair does not 
 # of a cell: without the costmap's surface, so far before the edge of a lethal cell an obstacle may begin, for a cell
 # that is filled less than half is left free (`costmap_surface`)
 JUTS = 0.5
-# m: the camera sees nothing nearer than 0.5 m, and the front rangers look sideways from behind the corners. Between a
-# reading and what is marked ahead of it is what nobody saw, and the corner turns into just that. A gap of this width is
-# taken for closed, within SPAN of the reading; the chair would not pass through it in any case.
-BRIDGE = 0.45
-SPAN = 0.8  # m
-BRIDGE_PITCH = 0.005  # m
-TOUCHING = 1.5  # cells from centre to centre: neighbours, also across a corner
-DETOUR = 1.7  # a wall that leads round a gap may be so much longer: in the corner of a room it is 1.41 at most
+# The camera sees nothing nearer than 0.5 m, and the front rangers look sideways from behind the corners. Between a
+# reading and what is marked ahead of it is what nobody saw, and the corner turns into just that. There a wall is taken
+# to go on straight, if anything is marked so far [m] beside its continuation within the chair's width.
+CORRIDOR = 0.10
+PITCH = 0.005  # m between the points of a continuation
+DEEPEST = 0.03  # m: a continuation that leads further into the chair is none, one less far a reading's error
 LANE = 0.25  # m beyond the edge within which an obstacle closes the way straight on
 GROUND_CELLS = 512  # remembered ground: 12.8 m a side, older cells are overwritten
 GROUND_RESOLUTION = 0.025  # m
@@ -48,7 +46,7 @@ GROUND_RESOLUTION = 0.025  # m
 RIM = 0.05
 # s: older odometry, which stops the chair anyway, is taken for so old (a stamp of 0 would be played through for ever)
 LONGEST_COAST = 1.0
-NOTHING = np.empty((0, 2))
+NOTHING, NO_WALLS = np.empty((0, 2)), np.empty((0, 4))
 # what an obstacle is; unknown ground ahead of the chair may be driven onto slowly, other unknown ground not
 STILL, MOVING, UNKNOWN, UNKNOWN_AHEAD, PRESUMED = range(5)
 WORDS = ("obstacle", "something moving", "unknown ground", "unknown ground", "unseen wall")
@@ -77,7 +75,7 @@ class Scene(NamedTuple):
     cells: int = 0  # the first so many of ``still`` are cells, the others readings of the rangers
     cell: float = 0.0  # edge of a cell [m]: what is a point here may begin half of it before the point
     jut: float = 0.0  # m: an obstacle in a cell may begin so much before its box
-    presumed: np.ndarray = NOTHING  # (p, 2) where nobody saw a wall end (BRIDGE); no policy knows of these
+    presumed: np.ndarray = NOTHING  # (p, 2) where nobody saw a wall end (CORRIDOR); no policy knows of these
 
 
 class Obstacles(NamedTuple):
@@ -138,11 +136,10 @@ class Guard:
         )
         self._last_pose = np.array(pose, dtype=float)
 
-    def look(self, grid, pose, range_points=NOTHING, moving=None, foremost=NOTHING):
+    def look(self, grid, pose, range_points=NOTHING, moving=None, walls=NO_WALLS):
         """The ``Scene`` around ``pose``: obstacles within ``max_range``, unknown ground within the guard's reach.
 
-        Without a grid the ranges alone. From the readings ``foremost`` (m, 2), of `RangePoints.foremost`, on a wall
-        is taken to have no narrow gaps (BRIDGE).
+        Without a grid the ranges alone. ``walls`` (m, 4), of `RangePoints.walls`, are taken to go on (CORRIDOR).
         """
         range_points = np.ascontiguousarray(range_points, dtype=float)
         if grid is None:
@@ -155,10 +152,9 @@ class Guard:
             max(self._max_range, self._reach), self._reach, self._ground, GROUND_RESOLUTION,
         )
         cells = len(lethal)
-        presumed = sweep.bridge(
-            np.ascontiguousarray(foremost, dtype=float), lethal, boxes, np.asarray(pose, dtype=float),
-            TOUCHING * grid.resolution, BRIDGE, DETOUR, SPAN, BRIDGE_PITCH,
-            outline_.front, outline_.rear, outline_.half_width,
+        presumed = sweep.prolong(
+            np.ascontiguousarray(walls, dtype=float), lethal, np.asarray(pose, dtype=float), 2.0 * outline_.half_width,
+            CORRIDOR, grid.resolution, PITCH, DEEPEST, outline_.front, outline_.rear, outline_.half_width,
         )
         if len(range_points):
             lethal = np.concatenate((lethal, range_points))

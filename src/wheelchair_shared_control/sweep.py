@@ -82,81 +82,51 @@ def within(points, pose, front, rear, half_width, reach):
 
 
 @njit(cache=True)
-def _nearest_in(box, x, y):
-    return min(max(x, box[0]), box[1]), min(max(y, box[2]), box[3])
+def prolong(walls, points, pose, reach, corridor, step, pitch, deepest, front, rear, half_width):
+    """Points (k, 2), ``pitch`` [m] apart, in the gaps of walls that go on straight ahead of ``pose`` (3,).
 
-
-@njit(cache=True)
-def bridge(
-    readings, points, boxes, pose, touching, reach, detour, span, pitch, front, rear, half_width,
-):
-    """Points (k, 2), ``pitch`` [m] apart, on straight lines across the gaps of what stands beside a front corner.
-
-    From each of ``readings`` (m, 2) the shortest ways are sought (Dijkstra) to all that stands further ahead of
-    ``pose`` (3,) within ``span`` [m] of it: cells with centres ``points`` (n, 2) and ``boxes`` (n, 4). A step of at
-    most ``touching`` [m] from centre to centre is one along a wall; one of up to ``reach`` [m] is a gap, which counts
-    ``detour`` times its length. So a gap is crossed, and gets its line, where no wall leads round it that is not
-    much longer: not before the corner of a room, but before a ghost of the wall that stands behind it. A reading
-    inside the footprint is no wall's.
+    A wall (x, y, x, y), one of ``walls`` (m, 4), leads from its first point to its second. Where any of ``points``
+    (n, 2), centres of cells with edges of ``step`` [m], lie within ``corridor`` [m] beside its continuation, up to
+    ``reach`` [m] on, the continuation is closed up to there, but for pieces of ``step`` [m] in which one of them lies
+    on it, or on the chair's side, anyway. A wall that leads more than ``deepest`` [m] into the footprint, or across
+    the chair's way (60 degrees), is none.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    lines = np.empty((len(readings) * len(points), 4))
-    count = total = 0
-    ahead = np.empty(len(points), np.int64)
-    away, parent = np.empty(len(points)), np.empty(len(points), np.int64)
-    for i in range(len(readings)):
-        dx, dy = readings[i, 0] - pose[0], readings[i, 1] - pose[1]
-        if signed_distance(cos * dx + sin * dy, cos * dy - sin * dx, front, rear, half_width) <= 0.0:
+    pieces = int(reach / step)
+    each = int(step / pitch) + 1
+    out = np.empty((len(walls) * pieces * each, 2))
+    count = 0
+    for i in range(len(walls)):
+        x, y = walls[i, 2], walls[i, 3]
+        dx, dy = x - walls[i, 0], y - walls[i, 1]
+        length = math.sqrt(dx * dx + dy * dy)
+        if not length > 0.0 or cos * dx + sin * dy < 0.5 * length:
             continue
-        n = 0
+        dx, dy = dx / length, dy / length
+        away = 1.0 if (pose[0] - x) * dy - (pose[1] - y) * dx > 0.0 else -1.0  # side on which the chair is not
+        held, furthest = np.zeros(pieces, np.bool_), -1
         for j in range(len(points)):
-            dx, dy = points[j, 0] - readings[i, 0], points[j, 1] - readings[i, 1]
-            distance = math.sqrt(dx * dx + dy * dy)
-            if distance < span and cos * dx + sin * dy > 0.0:
-                if distance > touching:
-                    distance = distance * detour if distance < reach else math.inf
-                ahead[n], away[n], parent[n] = j, distance, -1
-                n += 1
-        while n > 0:
-            best = 0
-            for k in range(1, n):
-                if away[k] < away[best]:
-                    best = k
-            way = away[best]
-            if way == math.inf:
-                break
-            j, before = ahead[best], parent[best]
-            ax, ay = readings[i, 0], readings[i, 1]
-            if before >= 0:
-                ax, ay = points[before, 0], points[before, 1]
-            if (points[j, 0] - ax) ** 2 + (points[j, 1] - ay) ** 2 > touching * touching:
-                if before >= 0:
-                    ax, ay = _nearest_in(boxes[before], points[j, 0], points[j, 1])
-                bx, by = _nearest_in(boxes[j], ax, ay)
-                lines[count, 0], lines[count, 1], lines[count, 2], lines[count, 3] = ax, ay, bx, by
-                total += int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / pitch) + 2
+            px, py = points[j, 0] - x, points[j, 1] - y
+            along = px * dx + py * dy
+            behind = away * (py * dx - px * dy)
+            if along >= 0.0 and abs(behind) <= corridor:
+                piece = int(along / step)
+                if piece < pieces:
+                    if behind <= 0.6 * step:
+                        held[piece] = True
+                    furthest = max(furthest, piece)
+        begin = count
+        for piece in range(furthest):
+            for k in range(0 if held[piece] else each):
+                along = (piece + k / each) * step
+                px, py = x + along * dx - pose[0], y + along * dy - pose[1]
+                if signed_distance(cos * px + sin * py, cos * py - sin * px, front, rear, half_width) < -deepest:
+                    furthest = -1
+                out[count, 0], out[count, 1] = x + along * dx, y + along * dy
                 count += 1
-            n -= 1
-            ahead[best], away[best], parent[best] = ahead[n], away[n], parent[n]
-            for k in range(n):
-                dx, dy = points[ahead[k], 0] - points[j, 0], points[ahead[k], 1] - points[j, 1]
-                distance = math.sqrt(dx * dx + dy * dy)
-                if distance > touching:
-                    if distance >= reach:
-                        continue
-                    distance *= detour
-                if way + distance < away[k]:
-                    away[k], parent[k] = way + distance, j
-    out = np.empty((total, 2))
-    at = 0
-    for i in range(count):
-        ax, ay, bx, by = lines[i]
-        pieces = int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / pitch) + 1
-        for piece in range(pieces + 1):
-            share = piece / pieces
-            out[at, 0], out[at, 1] = ax + share * (bx - ax), ay + share * (by - ay)
-            at += 1
-    return out
+        if furthest < 0:
+            count = begin
+    return out[:count].copy()
 
 
 @njit(cache=True)

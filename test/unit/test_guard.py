@@ -8,7 +8,7 @@ import pytest
 from wheelchair_shared_control import conversions, parameters, se2, sweep
 from wheelchair_shared_control import footprint as outline
 from wheelchair_shared_control.grid import WHOLE_CELLS, Grid
-from wheelchair_shared_control.guard import FREE, SLOWED, STOPPED, Guard
+from wheelchair_shared_control.guard import FREE, NO_WALLS, SLOWED, STOPPED, Guard
 from wheelchair_shared_control.limiter import Limiter
 from wheelchair_shared_control.moving import MovingCells
 from wheelchair_shared_control.ranging import RangePoints
@@ -52,13 +52,13 @@ class Chair:
             return math.inf
         return float(outline.distance_to_points(CHAIR, self.pose, self.obstacles).min())
 
-    def drive(self, command, duration, points=np.empty((0, 2)), foremost=lambda: np.empty((0, 2))):
+    def drive(self, command, duration, points=np.empty((0, 2)), walls=lambda: NO_WALLS):
         """Ask for ``command`` for ``duration`` [s]; returns the states that the guard gave."""
         states = []
         for _ in range(int(round(duration / TICK))):
             odometry = Odometry(self.now, self.pose, Twist(self.v, self.w))
             self.guard.stand_on(self.pose)
-            scene = self.guard.look(self.grid, self.pose, points, foremost=foremost())
+            scene = self.guard.look(self.grid, self.pose, points, walls=walls())
             self.verdict = self.guard.check(command, self.now, odometry, scene)
             self.guard.sent(self.now, self.verdict.command)
             self.sent.append((self.now, self.verdict.command))
