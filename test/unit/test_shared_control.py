@@ -466,17 +466,19 @@ def test_unknown_policy():
         SharedControl(SETTINGS, "nonsense")
 
 
-@pytest.mark.parametrize("ranger, presumes", (("left_front", True), ("left_rear", False), (None, False)))
-def test_a_wall_is_taken_to_go_on_from_a_front_rangers_reading(ranger, presumes):
+@pytest.mark.parametrize("rangers, presumes", (
+    (("left_front", "left_middle"), True), (("left_front",), False), (("left_middle", "left_rear"), False), ((), False),
+))
+def test_a_wall_is_taken_to_go_on_that_front_and_middle_ranger_read(rangers, presumes):
     """A wall to the left, of which the map holds what lies ahead of 0.85 m: the guard is told of the gap before it."""
     cells = np.zeros((240, 240), np.int8)
     cells[135:137, 154:] = 100  # y = 0.375 to 0.425 m
     ranges = np.full(6, np.inf)
-    if ranger:
+    for ranger in rangers:
         ranges[RANGERS.index(ranger)] = 0.375 - SETTINGS.wheelchair.rangers.y
     run, scenes = Run("user"), []
     look = run.control.guard.look
     run.control.guard.look = lambda *args, **kwargs: scenes.append(look(*args, **kwargs)) or scenes[-1]
     run.go(0.2, user=Twist(0.0, 0.5), grid=Grid(cells, 0.025, (-3.0, -3.0), 0.0), ranges=ranges)
     assert all(bool(len(scene.presumed)) == presumes for scene in scenes) and scenes
-    assert all(0.59 < scene.presumed[:, 0].min() and scene.presumed[:, 0].max() < 0.86 for scene in scenes if presumes)
+    assert all(0.59 < scene.presumed[:, 0].min() and scene.presumed[:, 0].max() < 1.26 for scene in scenes if presumes)
