@@ -2,8 +2,10 @@
 import csv
 import io
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -247,3 +249,16 @@ def test_a_worker_with_other_code_is_refused(monkeypatch):
     assert "a worker runs other code" in there  # and nothing was driven
     monkeypatch.setattr(batch.episode, "run", lambda options, seed: {"seed": seed})
     assert batch.run([(BASE, 1), (BASE, 2)]) == [{"seed": 1}, {"seed": 2}]
+
+
+def test_processes_of_an_installed_workspace_agree_on_the_code():
+    """In catkin's devel space the package that is imported first is a stand-in, in a worker process it is not."""
+    program = (
+        "from joblib import Parallel, delayed\n"
+        "from wheelchair_shared_control.experiments import code_version\n"
+        "print(code_version.digest(), *Parallel(2)(delayed(code_version.digest)() for _ in range(2)))\n"
+    )
+    env = dict(os.environ)
+    env["PYTHONPATH"] = env.get("PYTHONPATH") or str(Path(code_version.__file__).resolve().parents[2])
+    found = subprocess.run([sys.executable, "-c", program], env=env, capture_output=True, text=True, timeout=120)
+    assert set(found.stdout.split()) == {code_version.digest()}, found.stderr

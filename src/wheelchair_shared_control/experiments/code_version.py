@@ -6,7 +6,6 @@ import functools
 import hashlib
 from pathlib import Path
 
-import wheelchair_shared_control
 from wheelchair_shared_control import parameters
 from wheelchair_shared_control.errors import Error
 
@@ -20,7 +19,8 @@ FILES = ("policy", "user", "scene", "model", "map", "doors")
 @functools.lru_cache(maxsize=None)
 def digest(more=()):
     """Twelve hexadecimal digits over the package's modules and config/; ``more`` names modules of experiments/."""
-    root = Path(wheelchair_shared_control.__file__).parent
+    # this file's, not the package's: in catkin's devel space that is a stand-in which holds the messages alone
+    root = Path(__file__).resolve().parents[1]
     config = parameters.package_file("config/wheelchair.yaml").parent
     files = [
         path for path in root.rglob("*.py")
