@@ -153,14 +153,17 @@ build() {
 # ---- hot loops --------------------------------------------------------------------------------------------
 
 # Numba compiles them at their first call and keeps the result beside the source. One episode calls them all, so
-# that the first demonstration does not drive while it compiles.
+# that the first demonstration does not drive while it compiles. Numba sees when a function's own file has changed, but
+# not a file of what it calls: after any change all are compiled anew.
 compile_hot_loops() {
-  local stamp="$venv/compiled"
-  if [ -f "$stamp" ]; then return; fi
-  say "compiling the hot loops (a minute or two, once)"
+  local stamp="$venv/compiled" now
+  now="$(find "$root/src" -name '*.py' -type f -print0 | sort -z | xargs -0 cat | cksum)"
+  if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$now" ]; then return; fi
+  say "compiling the hot loops (a minute or two, after a change of the source)"
+  find "$root/src" \( -name '*.nbi' -o -name '*.nbc' \) -delete
   PYTHONPATH="$root/src" "$venv/bin/python" "$root/scripts/evaluate" --seed 1 >/dev/null \
     || fail "the first episode failed: see the line above"
-  touch "$stamp"
+  echo "$now" > "$stamp"
 }
 
 install_system_packages
