@@ -1,4 +1,4 @@
-"""Sensor messages into the costmap, given where the sensor was: the same for the node and for a bag.
+"""Sensor messages into the costmap, given where the sensor was: for ``move_base``, and for the clouds of a bag.
 
 Messages are duck-typed (``sensor_msgs``); ``odom_from_sensor`` (4, 4) is the sensor's pose in the costmap's frame at
 ``stamp`` [s]; ``source`` names the costmap's observation source. All raise ConversionError or CostmapError.
