@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wheelchair_shared_control import footprint as outline
-from wheelchair_shared_control import sweep
+from wheelchair_shared_control import guard_cells, rectangle, sweep
 from wheelchair_shared_control.grid import WHOLE_CELLS
 from wheelchair_shared_control.values import STOP, Twist
 
@@ -130,7 +130,7 @@ class Guard:
             if math.hypot(dx, dy) < 0.5:
                 margin = 0.0
         ground = outline.grown(self._footprint, margin - RIM)
-        sweep.remember(
+        guard_cells.remember(
             self._ground, GROUND_RESOLUTION, np.asarray(pose, dtype=float), ground.front, ground.rear,
             ground.half_width,
         )
@@ -146,13 +146,13 @@ class Guard:
             return Scene(range_points, _boxes_of(range_points), NOTHING)
         outline_ = self._footprint
         surface = WHOLE_CELLS if grid.surface is None else grid.surface
-        lethal, boxes, unknown = sweep.gather(
+        lethal, boxes, unknown = guard_cells.gather(
             grid.cells, surface, grid.resolution, float(grid.origin[0]), float(grid.origin[1]),
             np.asarray(pose, dtype=float), outline_.front, outline_.rear, outline_.half_width,
             max(self._max_range, self._reach), self._reach, self._ground, GROUND_RESOLUTION,
         )
         cells = len(lethal)
-        presumed = sweep.prolong(
+        presumed = guard_cells.prolong(
             np.ascontiguousarray(walls, dtype=float), lethal, np.asarray(pose, dtype=float), 2.0 * outline_.half_width,
             CORRIDOR, grid.resolution, PITCH, DEEPEST, outline_.front, outline_.rear, outline_.half_width,
         )
@@ -179,7 +179,7 @@ class Guard:
     def clearance(self, scene, pose):
         """Distance [m] from the footprint at ``pose`` to the nearest obstacle of ``scene``; 0 inside."""
         box = self._footprint
-        nearest = sweep.nearest(scene.still, pose[0], pose[1], pose[2], box.front, box.rear, box.half_width)
+        nearest = rectangle.nearest(scene.still, pose[0], pose[1], pose[2], box.front, box.rear, box.half_width)
         return max(float(nearest), 0.0)
 
     def check(self, command, now, odometry, scene):
@@ -266,7 +266,7 @@ class Guard:
             travelled = min(max(acts - scene.moving_stamp, 0.0), self._settings.moving_horizon)
             moved = scene.moving + scene.moving_velocity * travelled
         box = self._footprint
-        near = sweep.within(scene.still, pose, box.front, box.rear, box.half_width, self._reach)
+        near = rectangle.within(scene.still, pose, box.front, box.rear, box.half_width, self._reach)
         still = scene.still[near]
         others = (moved, scene.unknown, scene.presumed)
         points = np.concatenate((still,) + others)
@@ -326,7 +326,7 @@ class Guard:
             "on the right": -y - box.half_width,
         }
         where = max(beyond, key=beyond.get)
-        distance = max(sweep.signed_distance(x, y, box.front, box.rear, box.half_width), 0.0)
+        distance = max(rectangle.signed_distance(x, y, box.front, box.rear, box.half_width), 0.0)
         return "%s %.2f m %s" % (WORDS[obstacles.kinds[index]], distance, where)
 
 

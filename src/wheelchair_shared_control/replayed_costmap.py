@@ -5,7 +5,7 @@ laser) at most at the samples' rate becomes one look; all others are laid in as 
 """
 import numpy as np
 
-from wheelchair_shared_control import bags, camera, conversions, footprint, observations, parameters, se2
+from wheelchair_shared_control import bags, camera, conversions, footprint, observations, parameters
 from wheelchair_shared_control.bags import BagError
 from wheelchair_shared_control.costmap import Costmap, CostmapError, to_grid
 from wheelchair_shared_control.features import distances
@@ -14,6 +14,7 @@ from wheelchair_shared_control.values import RANGERS, Ranges
 # in the order of preference: the first that a bag has is the main source, and its messages are the moments
 MAIN_SOURCES = ("depth", "points", "scan")
 DATA_TYPES = {"depth": "Image", "points": "PointCloud2", "scan": "LaserScan", "ranges": "Range"}
+DATA_NAMES = {"depth": "depth image", "points": "point cloud", "scan": "laser scan"}
 # our chair's laser, where a bag does not say how high it sits [m]
 SCAN_HEIGHT = 0.3
 LOOK_AHEAD = 2.0  # s
@@ -103,14 +104,13 @@ class _Replay:
         if self._camera is None:
             self._notes["depth images before the first camera_info are left out"] = True
             return
-        image = conversions.depth_of(message)
         lens = self._camera
-        if image.shape != (lens.height, lens.width):
-            lens = camera.scaled(lens, image.shape[1], image.shape[0])
-        base_from_camera = self._mounting(message.header.frame_id)
+        if (message.height, message.width) != (lens.height, lens.width):
+            lens = camera.scaled(lens, message.width, message.height)
+        transform = camera.lifted(pose) @ self._mounting(message.header.frame_id)
         self._costmap.move_to(pose)
-        self._costmap.insert_depth(image, lens, camera.lifted(pose) @ base_from_camera, stamp, "depth")
-        self._look("depth", pose, stamp)
+        said = observations.insert_image(self._costmap, message, lens, transform, stamp, "depth")
+        self._look(said, "depth", pose, stamp)
 
     def _points(self, message):
         pose, stamp = self._pose_at(message)
@@ -118,30 +118,24 @@ class _Replay:
             return
         transform = camera.lifted(pose) @ self._mounting(message.header.frame_id)
         self._costmap.move_to(pose)
-        observations.insert_cloud(self._costmap, message, transform, stamp, "points")
-        self._look("points", pose, stamp)
+        said = observations.insert_cloud(self._costmap, message, transform, stamp, "points")
+        self._look(said, "points", pose, stamp)
 
     def _scan(self, message):
         pose, stamp = self._pose_at(message)
         if pose is None or self._too_soon("scan", stamp):
             return
-        angles, ranges, (_, high) = conversions.scan_of(message)
-        if np.isnan(ranges).all():
-            # what is not seen is free in the features: silence must not pass for open space
-            raise conversions.ConversionError("laser scan: holds no valid reading")
         base_from_scan = self._frames.base_from(message.header.frame_id)
         if base_from_scan is None:
             self._notes["no transform to the laser's frame '%s': taken to sit at %s" % (
                 message.header.frame_id, self._frames.base)] = True
             base_from_scan = np.eye(4)
-        # a laser mounted head down turns the other way
-        flip = 1.0 if base_from_scan[2, 2] > 0.0 else -1.0
-        yaw = float(np.arctan2(base_from_scan[1, 0], base_from_scan[0, 0]))
-        sensor = se2.compose(pose, np.array([base_from_scan[0, 3], base_from_scan[1, 3], yaw]))
-        height = base_from_scan[2, 3] if base_from_scan[2, 3] > 0.0 else SCAN_HEIGHT
+        odom_from_scan = camera.lifted(pose) @ base_from_scan
+        if not odom_from_scan[2, 3] > 0.0:
+            odom_from_scan[2, 3] = SCAN_HEIGHT
         self._costmap.move_to(pose)
-        self._costmap.insert_scan(ranges, flip * angles, high, sensor, height, stamp, "scan")
-        self._look("scan", pose, stamp)
+        said = observations.insert_scan(self._costmap, message, odom_from_scan, stamp, "scan")
+        self._look(said, "scan", pose, stamp)
 
     def _range(self, message, index):
         pose, stamp = self._pose_at(message)
@@ -161,7 +155,9 @@ class _Replay:
 
     # ---- looks -----------------------------------------------------------------------------------------
 
-    def _look(self, name, pose, stamp):
+    def _look(self, said, name, pose, stamp):
+        if not said:  # what is not seen is free in the features: silence must not pass for open space
+            raise conversions.ConversionError("%s: holds no valid reading" % DATA_NAMES[name])
         if name != self._main:
             return
         self._last = stamp

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from wheelchair_shared_control import blending, features, moving, sweep
+from wheelchair_shared_control import blending, features, moving, rectangle
 from wheelchair_shared_control import footprint as outline
 from wheelchair_shared_control.assistance import ASSISTING, FAULT, MANUAL
 from wheelchair_shared_control.grid import Grid
@@ -137,7 +137,7 @@ class SharedControl:
             0.0, Twist(0.3, 0.3), 0.0, Twist(0.3, 0.0), 0.0, still, grid, 0.0, Ranges(0.0, np.full(6, np.inf)),
             goal=np.array([2.0, 0.0, 0.0]),
         )
-        sweep.signed_distance(2.0, 0.0, 0.7, -0.35, 0.3)  # only asked when the guard stops the chair
+        rectangle.signed_distance(2.0, 0.0, 0.7, -0.35, 0.3)  # only asked when the guard stops the chair
         for step in range(3):
             now = step * 0.1
             self.query(inputs)

@@ -383,6 +383,20 @@ def test_a_laser_scan_follows_rep_117():
     assert chair.cost(2.01, 0.01) != 254
 
 
+@pytest.mark.parametrize("reading", [np.nan, 0.0, 5.1])
+def test_a_scan_that_says_nothing_leaves_the_grid_as_old_as_it_was(reading):
+    settings = with_source("scan", "LaserScan", raytrace_range=2.5, obstacle_range=2.0)
+    costmap = Costmap(settings.local_costmap, CHAIR)
+    costmap.move_to(ORIGIN)
+    angles = np.radians(np.arange(360.0))
+    assert costmap.insert_scan(np.full(360, 1.5), angles, 5.0, ORIGIN, 0.3, 1.0)
+    assert not costmap.insert_scan(np.full(360, reading), angles, 5.0, ORIGIN, 0.3, 2.0)
+    assert costmap.newest["scan"] == 1.0
+    too_near = np.where(np.arange(360) < 4, -np.inf, reading)  # 1.1 %
+    assert costmap.insert_scan(too_near, angles, 5.0, ORIGIN, 0.3, 2.0)
+    assert costmap.newest["scan"] == 2.0
+
+
 def test_infinity_says_nothing_where_it_is_not_valid():
     settings = SETTINGS.replace(**{
         "local_costmap/camera/inf_is_valid": False, "local_costmap/rangers/inf_is_valid": False})

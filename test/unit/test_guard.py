@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wheelchair_shared_control import conversions, parameters, se2, sweep
+from wheelchair_shared_control import conversions, parameters, rectangle, se2, sweep
 from wheelchair_shared_control import footprint as outline
 from wheelchair_shared_control.grid import WHOLE_CELLS, Grid
 from wheelchair_shared_control.guard import FREE, NO_WALLS, SLOWED, STOPPED, Guard
@@ -412,7 +412,7 @@ def test_sweep_and_footprint_measure_alike():
     pose = np.array([0.3, -0.2, 0.7])
     expected = outline.distance_to_points(CHAIR, pose, points)
     for point, distance in zip(points, expected):
-        got = sweep.nearest(point[None], *pose, CHAIR.front, CHAIR.rear, CHAIR.half_width)
+        got = rectangle.nearest(point[None], *pose, CHAIR.front, CHAIR.rear, CHAIR.half_width)
         assert max(got, 0.0) == pytest.approx(distance, abs=1e-12)
 
 
@@ -429,7 +429,7 @@ def test_no_obstacle_is_overlooked_between_the_poses():
             CHAIR.front, CHAIR.rear, CHAIR.half_width, 0.05,
         )
         all_ = np.array([
-            [sweep.nearest(p[None], *q, CHAIR.front, CHAIR.rear, CHAIR.half_width) for p in points] for q in poses
+            [rectangle.nearest(p[None], *q, CHAIR.front, CHAIR.rear, CHAIR.half_width) for p in points] for q in poses
         ])
         outside = all_[0] >= 0.0
         limit = np.where(outside, min(margin, all_[0][outside].min()), all_[0]) - 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_guard import CHAIR, RESOLUTION, SETTINGS, SIZE, Chair, empty, filled
 
-from wheelchair_shared_control import conversions, sweep
+from wheelchair_shared_control import conversions, rectangle, sweep
 from wheelchair_shared_control.grid import LETHAL, WHOLE_CELLS
 from wheelchair_shared_control.guard import FREE, STOPPED, Guard
 from wheelchair_shared_control.values import Odometry, Twist
@@ -147,11 +147,11 @@ def test_distance_of_a_box_is_that_of_its_nearest_point():
         size = rng.uniform(0.0, 0.06, 2)
         box = np.array([low[0], low[0] + size[0], low[1], low[1] + size[1]])
         x, y, yaw = rng.uniform(-0.3, 0.3, 3) * (1, 1, 10)
-        got = sweep.box_distance(
+        got = rectangle.box_distance(
             box, x, y, math.cos(yaw), math.sin(yaw), CHAIR.front, CHAIR.rear, CHAIR.half_width)
         across, along = np.meshgrid(np.linspace(box[0], box[1], 41), np.linspace(box[2], box[3], 41))
         points = np.column_stack((across.ravel(), along.ravel()))
-        sampled = sweep.nearest(points, x, y, yaw, CHAIR.front, CHAIR.rear, CHAIR.half_width)
+        sampled = rectangle.nearest(points, x, y, yaw, CHAIR.front, CHAIR.rear, CHAIR.half_width)
         if sampled > 0.002:
             assert got == pytest.approx(sampled, abs=0.0011)  # half of 1.5 mm between the points, both ways
         else:

@@ -72,6 +72,15 @@ def test_a_tilted_scanner_is_refused(roll):
     assert "calls" not in vars(costmap)
 
 
+@pytest.mark.parametrize("said", [True, False])
+def test_whether_a_scan_said_anything_is_handed_on(said):
+    class Answers:
+        def insert_scan(self, *_, source):
+            return said
+
+    assert observations.insert_scan(Answers(), scan([1.0]), pose_of(0, 0, 0.3), 7.0, "mine") is said
+
+
 def test_rangers_that_did_not_speak_say_nothing():
     costmap = Costmap()
     messages = {

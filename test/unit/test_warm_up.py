@@ -13,17 +13,22 @@ from wheelchair_shared_control.task_model import TaskModel
 
 PACKAGE = "wheelchair_shared_control."
 # the simulator's and the user's kernels may compile late: nobody sits on those
-ON_THE_CHAIR = ("planning", "costmap", "distance_transform", "features", "guard", "sweep", "moving", "ranging", "gmr")
+ON_THE_CHAIR = (
+    "planning", "costmap", "distance_transform", "features", "guard", "rectangle", "sweep", "moving", "ranging", "gmr",
+)
 
 
 def signatures():
-    """{kernel: compiled signatures} of all kernels that work on the chair."""
+    """{kernel: compiled signatures} of all kernels that work on the chair.
+
+    By the module that defines them: what two share (a heap) is compiled together with who calls it.
+    """
     found = {}
     for name, module in list(sys.modules.items()):
         if not name.startswith(PACKAGE) or not name[len(PACKAGE):].startswith(ON_THE_CHAIR + ("doorway",)):
             continue
         for value in vars(module).values():
-            if isinstance(value, Dispatcher):
+            if isinstance(value, Dispatcher) and value.py_func.__module__ == name:
                 found[value.py_func.__module__ + "." + value.py_func.__name__] = tuple(value.signatures)
     return found
 
