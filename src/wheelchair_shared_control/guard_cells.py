@@ -160,7 +160,7 @@ def prolong(walls, points, pose, reach, corridor, step, pitch, deepest, front, r
                         held[piece] = True
                     furthest = max(furthest, piece)
         begin = count
-        for piece in range(furthest):
+        for piece in range(furthest + 1):
             for k in range(0 if held[piece] else each):
                 along = (piece + k / each) * step
                 px, py = x + along * dx - pose[0], y + along * dy - pose[1]

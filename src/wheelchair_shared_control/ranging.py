@@ -7,9 +7,17 @@ import numpy as np
 from wheelchair_shared_control.values import RANGERS
 
 REMEMBERED = 1.0  # s: so long a wall beside the chair is known of after it was read
-SPACED = 0.1  # s between two readings of it that are kept, at most KEPT of them
+SPACED = 0.1  # s between two lines of it that are kept, at most KEPT of them
 KEPT = 10
-TOGETHER = 0.3  # s between the readings of front and middle ranger that are one wall's
+TOGETHER = 0.3  # s: so old may the reading of one ranger be when the other's is taken for the same wall
+JUMP = 0.5  # m between two readings' poses: the chair was set elsewhere
+# What a ranger read on its way is kept as places, so far apart [m, rad], each the mean of its readings; a metre of it
+APART, TURNED = 0.02, 0.03
+PLACES = 50
+MEAN_OF = 20  # readings
+# m: what was read of one wall is not further off its line than this, root mean square, its two ends twice as far
+FLAT = 0.012
+ASIDE = 0.5  # m: what was read further off is another thing, seen through an opening
 
 
 class RangePoints:
@@ -38,7 +46,8 @@ class RangePoints:
         self._points = np.full((6, len(self._angles), 2), np.nan)
         self._ahead = np.full(6, np.nan)  # stamp of the last message, where it was from the future
         self._echo = np.zeros(6, dtype=bool)  # whether the last valid reading is a distance
-        self._walls = [deque(maxlen=KEPT) for _ in self._pairs]  # (stamp, (4,)) of each side
+        self._pose = None
+        self._forget_walls()
 
     def update(self, ranges, pose, latest=math.inf):
         """Take new readings; ``pose`` (3,) is that of ``base_link`` in odom at their stamps.
@@ -49,6 +58,9 @@ class RangePoints:
         stamps = np.broadcast_to(np.asarray(ranges.stamp, dtype=float), (6,))
         values = np.asarray(ranges.values, dtype=float)
         self._ahead = np.where(stamps > latest, stamps, np.nan)
+        if self._pose is not None and math.hypot(pose[0] - self._pose[0], pose[1] - self._pose[1]) > JUMP:
+            self._forget_walls()
+        self._pose = np.array(pose, dtype=float)
         before = self._taken.copy()
         for i in range(6):
             if not stamps[i] > self._taken[i] or stamps[i] > latest:
@@ -68,38 +80,106 @@ class RangePoints:
             cos, sin = math.cos(pose[2]), math.sin(pose[2])
             self._points[i, :, 0] = pose[0] + cos * x - sin * y
             self._points[i, :, 1] = pose[1] + sin * x + cos * y
+            if math.isfinite(value):
+                sensor = (pose[0] + cos * self._x[i] - sin * self._y[i], pose[1] + sin * self._x[i] + cos * self._y[i])
+                self._trails[i].add(self._points[i, self._angles.size // 2], stamps[i], sensor, pose[2])
         for side, (front, middle) in enumerate(self._pairs):
-            if self._taken[front] > before[front]:
-                self._note_wall(side, front, middle)
+            if self._taken[front] > before[front] and self._echo[front]:
+                self._note_wall(side, self._trails[front], self._trails[middle], self._taken[front])
 
     def oldest(self, now):
         """Name and age [s] of the ranger whose last valid reading is oldest; negative if its clock is ahead."""
         i = int(np.argmin(self._valid))
         return RANGERS[i], now - (self._valid[i] if math.isnan(self._ahead[i]) else self._ahead[i])
 
-    def walls(self):
-        """Walls (m, 4) beside the chair in odom [m], as front and middle rangers saw them within REMEMBERED.
+    def walls(self, now=None):
+        """Walls (m, 4) beside the chair in odom [m], as front and middle ranger of a side saw them.
 
-        Each leads from a middle ranger's reading (x, y) to the front ranger's of that side. A reading may be missed
-        now and then, or err; the wall that it belongs to does not go for that.
+        Each leads from about the middle ranger's place (x, y) to the front ranger's, on the line through all that the
+        front ranger read between the two on its way. If that is on no line, as where the one reads a hallway's wall and
+        the other a jamb or a pillar before it, there is none. The lines of REMEMBERED before ``now`` (the newest
+        message) count: a reading may be missed, and the nearest of some that err by some millimetres is none too near.
         """
-        newest = self._taken.max()
-        seen = [wall for side in self._walls for stamp, wall in side if newest - stamp <= REMEMBERED]
+        now = self._taken.max() if now is None else now
+        seen = [wall for side in self._walls for stamp, wall in side if now - stamp <= REMEMBERED]
         return np.array(seen).reshape(-1, 4)
 
-    def _note_wall(self, side, front, middle):
-        """Keep the wall through the newest readings of a side's front and middle rangers."""
-        if abs(self._valid[front] - self._valid[middle]) > TOGETHER or not self._echo[[front, middle]].all():
+    def _forget_walls(self):
+        self._trails = [_Trail() for _ in RANGERS]
+        self._walls = [deque(maxlen=KEPT) for _ in self._pairs]  # (stamp, (4,)) of each side
+
+    def _note_wall(self, side, front, middle, stamp):
+        """Keep the line through what a side's rangers read now and on the way; if that is none, forget the others."""
+        begin, end = middle.newest(stamp), front.newest(stamp)
+        if begin is None or end is None:
             return
-        centre = self._angles.size // 2
-        wall = (self._taken[front], np.concatenate((self._points[middle, centre], self._points[front, centre])))
-        kept = self._walls[side]
-        if len(kept) > 1 and kept[-1][0] - kept[-2][0] < SPACED:
-            kept[-1] = wall
+        wall, kept = _line(begin, end, front.means()), self._walls[side]
+        if wall is None:
+            kept.clear()
+        elif len(kept) > 1 and kept[-1][0] - kept[-2][0] < SPACED:
+            kept[-1] = (stamp, wall)
         else:
-            kept.append(wall)
+            kept.append((stamp, wall))
 
     def points(self):
         """Points (n, 2) in odom [m] of the readings within range."""
         points = self._points.reshape(-1, 2)
         return points[~np.isnan(points[:, 0])]
+
+
+class _Trail:
+    """The places that a ranger read on its way, the newest last; what it reads again, resting or not, is averaged."""
+
+    def __init__(self):
+        self._places = deque(maxlen=PLACES)  # [mean of its readings (2,), their number, newest stamp]
+        self._sensor, self._yaw = None, 0.0  # where the newest place was first read from
+
+    def add(self, point, stamp, sensor, yaw):
+        rests = self._sensor is not None and math.dist(sensor, self._sensor) < APART and abs(yaw - self._yaw) < TURNED
+        if not rests:
+            self._sensor, self._yaw = sensor, yaw
+            near = [i for i, place in enumerate(self._places) if math.dist(point, place[0]) < APART]
+            if near:  # a chair that turns to and fro does not lose what it read before
+                place = self._places[near[-1]]
+                del self._places[near[-1]]
+                self._places.append(place)
+            else:
+                self._places.append([point, 0, stamp])
+        place = self._places[-1]
+        place[1] = min(place[1] + 1, MEAN_OF)
+        place[0] = place[0] + (point - place[0]) / place[1]
+        place[2] = stamp
+
+    def newest(self, now):
+        """The newest place (2,), None where it was not read within TOGETHER."""
+        if not self._places or now - self._places[-1][2] > TOGETHER:
+            return None
+        return self._places[-1][0]
+
+    def means(self):
+        """All places (n, 2)."""
+        return np.array([place[0] for place in self._places])
+
+
+def _line(begin, end, places):
+    """The wall (4,) through ``begin``, ``end`` (2,) and those of ``places`` (n, 2) between; None if that is no line."""
+    way = end - begin
+    length = math.hypot(way[0], way[1])
+    if not length > APART:
+        return None
+    way /= length
+    off = places - begin
+    along, aside = off @ way, off @ np.array((-way[1], way[0]))
+    between = (along > 0.0) & (along < length) & (np.abs(aside) < ASIDE)
+    points = np.concatenate(((begin, end), off[between] + begin))
+    centre = points.mean(axis=0)
+    (xx, xy), (_, yy) = (points - centre).T @ (points - centre) / len(points)
+    if 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy) > FLAT**2:  # the lesser eigenvalue: variance off the line
+        return None
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    line = np.array((math.cos(angle), math.sin(angle)))
+    ends = np.array((begin, end))
+    on_line = centre + np.outer((ends - centre) @ line, line)
+    if np.hypot(*(ends - on_line).T).max() > 2.0 * FLAT:
+        return None
+    return on_line.ravel()

@@ -320,7 +320,7 @@ class SharedControl:
         if grid is not None and ages["costmap"] >= -limits.costmap:
             self._moving.update(grid)  # which passes over all that is older
         moving_cells = None if grid is None else self._moving
-        scene = self.guard.look(grid, odometry.pose, points, moving_cells, self._ranges.walls())
+        scene = self.guard.look(grid, odometry.pose, points, moving_cells, self._ranges.walls(inputs.now))
         clearance = min(self.guard.clearance(scene, odometry.pose), self.settings.max_range)
         return _Sensors(problem, scene, clearance, dead)
 

@@ -647,16 +647,33 @@ class TestUnseenBesideACorner:
         assert changed
 
     @staticmethod
-    def straight_on(real, presumed, way=0.010):
+    def straight_on(real, presumed, way=0.010, passing=0.0):
         """What keeps a chair from going so far [m] towards two points before its front: 0, 1 (presumed), or -1."""
         points = np.array([[CHAIR.front + real, 0.0], [CHAIR.front + presumed, 0.2]])
         poses = np.zeros((11, 3))
         poses[:, 0] = np.linspace(0.0, way, 11)
         hit, _ = sweep.first_violation(
-            poses, np.arange(11) * 0.02, np.repeat(points, 2, axis=1), np.zeros_like(points), np.full(2, 0.05), 1, 0.0,
-            0.008, 1.0, CHAIR.front, CHAIR.rear, CHAIR.half_width, 0.05,
+            poses, np.arange(11) * 0.02, np.repeat(points, 2, axis=1), np.zeros_like(points), np.full(2, 0.05), 1,
+            passing, 0.008, 1.0, CHAIR.front, CHAIR.rear, CHAIR.half_width, 0.05,
         )
         return hit
+
+    def test_straight_on_it_may_come_nearer_by_the_raggedness_of_a_surface_as_to_what_was_seen(self):
+        assert self.straight_on(0.5, 0.020, way=0.003, passing=0.004) == -1
+        assert self.straight_on(0.5, 0.020, way=0.006, passing=0.004) == 1
+
+    def test_it_has_half_a_cell_more_and_does_not_close_the_way_ahead(self):
+        guard, pose = Guard(SETTINGS), np.zeros(3)
+        scene = guard.look(empty(), pose)._replace(presumed=np.array([[CHAIR.front + 0.15, 0.0]]))
+        seen = guard._obstacles(scene, pose, pose, 0.0)
+        assert seen.juts[seen.presumed:] == pytest.approx([0.5 * RESOLUTION]) and not seen.ahead_closed
+        solid = guard.look(empty(), pose, np.array([[CHAIR.front + 0.15, 0.0]]))
+        assert guard._obstacles(solid, pose, pose, 0.0).ahead_closed
+
+    def test_where_something_stands_nearer_there_is_no_gap(self):
+        grid = filled(filled(empty(), (0.70, 0.80), (0.425, 0.450)), (0.95, 1.0), (0.5, 0.525))
+        made_up = self.presumed(grid, 0.5)
+        assert len(made_up) and not np.any((made_up[:, 0] > 0.705) & (made_up[:, 0] < 0.795))
 
     def test_beside_what_is_made_up_the_chair_comes_no_nearer_to_what_was_seen(self):
         assert self.straight_on(0.020, 0.5) == 0
@@ -705,12 +722,62 @@ class TestWallsBeside:
         assert len(self.read(points, 1.1)) == len(self.read(points, 1.9)) == 1
         assert not len(self.read(points, 2.1))
 
-    def test_readings_of_the_last_second_and_not_all_of_a_fast_ranger(self):
+    def test_lines_of_the_last_second_also_of_a_fast_ranger(self):
         points = RangePoints(SETTINGS.wheelchair)
         for stamp in np.arange(1.0, 3.0, 0.02):
-            walls = self.read(points, stamp, left_front=0.1 * stamp, left_middle=0.4)
-        assert 5 <= len(walls) <= 10
-        assert walls[-1, 3] == pytest.approx(self.RANGERS.y + 0.1 * 2.98)  # the newest is among them
+            walls = self.read(points, stamp, left_front=0.4, left_middle=0.4)
+        assert 9 <= len(walls) <= 10
+        assert 4 <= len(points.walls(2.98 + 0.5)) <= 6 and not len(points.walls(2.98 + 1.1))
+
+    def test_while_the_chair_rests_readings_are_averaged(self):
+        points, rng = RangePoints(SETTINGS.wheelchair), np.random.default_rng(6)
+        for stamp in np.arange(1.0, 5.0, 0.1):
+            front, middle = 0.4 + 0.01 * rng.standard_normal(2)
+            walls = self.read(points, stamp, left_front=front, left_middle=middle)
+        np.testing.assert_allclose(walls[:, [1, 3]], self.RANGERS.y + 0.4, atol=0.004)
+
+    def drive(self, reads, points=None, to=1.5, noise=0.0, y=0.0):
+        """{x of the chair: walls}, where the left side's rangers at x (in odom) read ``reads(x)``."""
+        points, found = points or RangePoints(SETTINGS.wheelchair), {}
+        rng = np.random.default_rng(7)
+        for k, x in enumerate(np.arange(0.0, to, 0.015)):
+            front, middle = (
+                reads(x + ahead) * (1.0 + noise * rng.standard_normal())
+                for ahead in (self.RANGERS.x_front, self.RANGERS.x_middle)
+            )
+            found[round(x, 3)] = self.read(points, 1.0 + 0.05 * k, (x, y, 0.0), left_front=front, left_middle=middle)
+        return found
+
+    # what stands out of a wall that is read at 0.45 m: a jamb for good, a pillar for a while
+    @pytest.mark.parametrize("begin, end", [(1.2, 9.0), (1.2, 1.6), (1.2, 1.4)])
+    @pytest.mark.parametrize("nearer", [0.07, 0.10, 0.20])
+    @pytest.mark.parametrize("noise", [0.0, 0.01])
+    def test_a_jamb_and_the_wall_behind_it_are_not_one_wall(self, begin, end, nearer, noise):
+        found = self.drive(lambda x: 0.45 - nearer * (begin <= x < end), noise=noise)
+        slopes = [abs(wall[3] - wall[1]) / (wall[2] - wall[0]) for walls in found.values() for wall in walls]
+        assert max(slopes) < 0.06
+        assert all(len(walls) for x, walls in found.items() if x < begin - 0.62)  # before it
+        assert not any(len(walls) for x, walls in found.items() if begin - 0.50 < x < min(begin, end) - 0.30)
+        assert len(found[1.485]) or end < 9.0
+
+    @pytest.mark.parametrize("depth, goes_on", [(0.15, False), (0.8, True)])
+    def test_an_opening_in_a_wall_is_not_a_bend_in_it(self, depth, goes_on):
+        """What the front ranger read through a side door is no part of the wall before and behind it."""
+        found = self.drive(lambda x: 0.45 + depth * (0.95 < x < 1.1), to=0.75)
+        assert bool(len(found[0.57])) == goes_on
+
+    def test_the_wall_that_was_left_is_forgotten_at_once(self):
+        points = RangePoints(SETTINGS.wheelchair)
+        assert len(self.drive(lambda x: 0.45, points, to=0.4)[0.39])
+        assert not len(self.read(points, 9.0, (0.42, 0.0, 0.0), left_front=0.25, left_middle=0.45))
+
+    def test_a_chair_set_elsewhere_and_a_reset_forget(self):
+        points = RangePoints(SETTINGS.wheelchair)
+        assert len(self.drive(lambda x: 0.45, points, to=0.4)[0.39])
+        assert not len(self.read(points, 2.4, (2.0, 0.0, 0.0)))
+        assert len(self.read(points, 2.5, (2.0, 0.0, 0.0), left_front=0.4, left_middle=0.4)) == 1
+        points.reset()
+        assert not len(points.walls())
 
     def test_a_middle_ranger_that_died_tells_nothing(self):
         points = RangePoints(SETTINGS.wheelchair)
