@@ -226,7 +226,7 @@ class Costmap:
 
         REP 117: NaN says nothing, +Inf (if ``inf_is_valid``) that nothing lies within range, -Inf that
         something lies nearer than the sensor can tell, and clears nothing. ``height`` [m] of the sensor.
-        Returns False, and changes nothing, where hardly a reading says anything, as `insert_depth` does.
+        Returns False, and changes nothing, where no reading says anything.
         """
         settings = self._source(source)
         ranges, angles = np.asarray(ranges, dtype=float), np.asarray(angles, dtype=float)
@@ -239,7 +239,7 @@ class Costmap:
         x, y, yaw = self._pose(odom_from_sensor)
         valid = np.isfinite(ranges) & (ranges > 0.0) & (ranges <= range_max)
         free = np.isposinf(ranges) & settings.inf_is_valid
-        if not np.count_nonzero(valid | free | np.isneginf(ranges)) > 0.01 * ranges.size:
+        if not (valid | free | np.isneginf(ranges)).any():
             return False
         rays = np.zeros((ranges.size, 7))
         rays[:, 0], rays[:, 1], rays[:, 2] = x, y, yaw + angles

@@ -6,12 +6,12 @@ import numpy as np
 
 from wheelchair_shared_control.values import RANGERS
 
-REMEMBERED = 1.0  # s: so long a wall beside the chair is known of after it was read
-SPACED = 0.1  # s between two lines of it that are kept, at most KEPT of them
+REMEMBERED = 1.0  # s: so long the line of a wall beside the chair is kept after it was read
+SPACED = 0.1  # s between two lines that are kept, at most KEPT of them
 KEPT = 10
 TOGETHER = 0.3  # s: so old may the reading of one ranger be when the other's is taken for the same wall
 JUMP = 0.5  # m between two readings' poses: the chair was set elsewhere
-# What a ranger read on its way is kept as places, so far apart [m, rad], each the mean of its readings; a metre of it
+# What a ranger read on its way is kept as PLACES; while it has moved less than this [m, rad], readings are averaged.
 APART, TURNED = 0.02, 0.03
 PLACES = 50
 MEAN_OF = 20  # readings
@@ -84,7 +84,7 @@ class RangePoints:
                 sensor = (pose[0] + cos * self._x[i] - sin * self._y[i], pose[1] + sin * self._x[i] + cos * self._y[i])
                 self._trails[i].add(self._points[i, self._angles.size // 2], stamps[i], sensor, pose[2])
         for side, (front, middle) in enumerate(self._pairs):
-            if self._taken[front] > before[front] and self._echo[front]:
+            if self._taken[front] > before[front] and self._echo[front] and self._valid[front] == self._taken[front]:
                 self._note_wall(side, self._trails[front], self._trails[middle], self._taken[front])
 
     def oldest(self, now):
@@ -97,8 +97,8 @@ class RangePoints:
 
         Each leads from about the middle ranger's place (x, y) to the front ranger's, on the line through all that the
         front ranger read between the two on its way. If that is on no line, as where the one reads a hallway's wall and
-        the other a jamb or a pillar before it, there is none. The lines of REMEMBERED before ``now`` (the newest
-        message) count: a reading may be missed, and the nearest of some that err by some millimetres is none too near.
+        the other a jamb or a pillar before it, there is none. All lines of REMEMBERED before ``now`` (the newest
+        message) count: a reading may be missed, and of lines that err by millimetres the nearest must decide.
         """
         now = self._taken.max() if now is None else now
         seen = [wall for side in self._walls for stamp, wall in side if now - stamp <= REMEMBERED]
@@ -131,46 +131,58 @@ class _Trail:
     """The places that a ranger read on its way, the newest last; what it reads again, resting or not, is averaged."""
 
     def __init__(self):
-        self._places = deque(maxlen=PLACES)  # [mean of its readings (2,), their number, newest stamp]
+        self._places = deque(maxlen=PLACES)  # [first reading (2,), mean of all (2,), their number, newest stamp]
         self._sensor, self._yaw = None, 0.0  # where the newest place was first read from
 
     def add(self, point, stamp, sensor, yaw):
-        rests = self._sensor is not None and math.dist(sensor, self._sensor) < APART and abs(yaw - self._yaw) < TURNED
-        if not rests:
+        """Take in a reading (2,) at ``stamp`` [s] of a ranger at ``sensor`` (2,), the chair's heading ``yaw`` [rad]."""
+        point = np.array(point)
+        if not self._rests(point, sensor, yaw):
             self._sensor, self._yaw = sensor, yaw
-            near = [i for i, place in enumerate(self._places) if math.dist(point, place[0]) < APART]
-            if near:  # a chair that turns to and fro does not lose what it read before
-                place = self._places[near[-1]]
-                del self._places[near[-1]]
-                self._places.append(place)
+            older = list(self._places)[:-1]
+            again = [i for i, place in enumerate(older) if math.dist(point, place[0]) < APART]
+            if again:  # a chair that turns to and fro does not lose what it read before
+                del self._places[again[-1]]
+                self._places.append(older[again[-1]])
             else:
-                self._places.append([point, 0, stamp])
+                self._places.append([point, point, 0, stamp])
         place = self._places[-1]
-        place[1] = min(place[1] + 1, MEAN_OF)
-        place[0] = place[0] + (point - place[0]) / place[1]
-        place[2] = stamp
+        place[2] = min(place[2] + 1, MEAN_OF)
+        place[1] = place[1] + (point - place[1]) / place[2]
+        place[3] = stamp
+
+    def _rests(self, point, sensor, yaw):
+        """Whether a reading is the newest place's, once more. Something else that came before the ranger is not."""
+        return (
+            self._sensor is not None and math.dist(sensor, self._sensor) < APART
+            and abs(math.remainder(yaw - self._yaw, 2.0 * math.pi)) < TURNED
+            and math.dist(point, self._places[-1][1]) < 3.0 * FLAT
+        )
 
     def newest(self, now):
         """The newest place (2,), None where it was not read within TOGETHER."""
-        if not self._places or now - self._places[-1][2] > TOGETHER:
+        if not self._places or abs(now - self._places[-1][3]) > TOGETHER:
             return None
-        return self._places[-1][0]
+        return self._places[-1][1]
 
     def means(self):
         """All places (n, 2)."""
-        return np.array([place[0] for place in self._places])
+        return np.array([place[1] for place in self._places])
 
 
 def _line(begin, end, places):
-    """The wall (4,) through ``begin``, ``end`` (2,) and those of ``places`` (n, 2) between; None if that is no line."""
+    """The wall (4,) through ``begin``, ``end`` (2,) and those of ``places`` (n, 2) between; None if that is no line.
+
+    Between is not less than APART from either, for ``end`` is one of the places.
+    """
     way = end - begin
     length = math.hypot(way[0], way[1])
-    if not length > APART:
+    if not length > 2.0 * APART:
         return None
     way /= length
     off = places - begin
     along, aside = off @ way, off @ np.array((-way[1], way[0]))
-    between = (along > 0.0) & (along < length) & (np.abs(aside) < ASIDE)
+    between = (along > APART) & (along < length - APART) & (np.abs(aside) < ASIDE)
     points = np.concatenate(((begin, end), off[between] + begin))
     centre = points.mean(axis=0)
     (xx, xy), (_, yy) = (points - centre).T @ (points - centre) / len(points)

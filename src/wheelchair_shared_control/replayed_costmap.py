@@ -141,10 +141,14 @@ class _Replay:
         pose, stamp = self._pose_at(message)
         if pose is None:
             return
+        # the rangers speak one after the other: the last one closes the set, or one that speaks again, if that is mute
+        if index in self._ranges:
+            self._insert_ranges(pose, stamp)
         self._ranges[index] = (stamp, conversions.range_of(message))
-        # the rangers speak one after the other: the last one closes the set
-        if len(self._ranges) < len(RANGERS) and index != len(RANGERS) - 1:
-            return
+        if len(self._ranges) == len(RANGERS) or index == len(RANGERS) - 1:
+            self._insert_ranges(pose, stamp)
+
+    def _insert_ranges(self, pose, stamp):
         values = np.full(len(RANGERS), np.nan)
         for place, (when, value) in self._ranges.items():
             if stamp - when <= OLDEST_READING:

@@ -736,16 +736,16 @@ class TestWallsBeside:
             walls = self.read(points, stamp, left_front=front, left_middle=middle)
         np.testing.assert_allclose(walls[:, [1, 3]], self.RANGERS.y + 0.4, atol=0.004)
 
-    def drive(self, reads, points=None, to=1.5, noise=0.0, y=0.0):
+    def drive(self, reads, points=None, to=1.5, noise=0.0, y=0.0, step=0.015):
         """{x of the chair: walls}, where the left side's rangers at x (in odom) read ``reads(x)``."""
         points, found = points or RangePoints(SETTINGS.wheelchair), {}
         rng = np.random.default_rng(7)
-        for k, x in enumerate(np.arange(0.0, to, 0.015)):
+        for k, x in enumerate(np.arange(0.0, to, step)):
             front, middle = (
                 reads(x + ahead) * (1.0 + noise * rng.standard_normal())
                 for ahead in (self.RANGERS.x_front, self.RANGERS.x_middle)
             )
-            found[round(x, 3)] = self.read(points, 1.0 + 0.05 * k, (x, y, 0.0), left_front=front, left_middle=middle)
+            found[round(x, 5)] = self.read(points, 1.0 + 0.05 * k, (x, y, 0.0), left_front=front, left_middle=middle)
         return found
 
     # what stands out of a wall that is read at 0.45 m: a jamb for good, a pillar for a while
@@ -759,6 +759,33 @@ class TestWallsBeside:
         assert all(len(walls) for x, walls in found.items() if x < begin - 0.62)  # before it
         assert not any(len(walls) for x, walls in found.items() if begin - 0.50 < x < min(begin, end) - 0.30)
         assert len(found[1.485]) or end < 9.0
+
+    @pytest.mark.parametrize("step", [0.0004, 0.00075, 0.001, 0.003])
+    @pytest.mark.parametrize("nearer", [0.10, 0.20])
+    def test_nor_for_a_chair_that_creeps(self, nearer, step):
+        """As the guard makes it: 8 mm/s and more, at 20 Hz."""
+        found = self.drive(lambda x: 0.45 - nearer * (x >= 0.9), step=step, to=0.9, noise=0.01)
+        slopes = [abs(wall[3] - wall[1]) / (wall[2] - wall[0]) for walls in found.values() for wall in walls]
+        assert max(slopes) < 0.06
+        assert not any(len(walls) for x, walls in found.items() if 0.35 < x < 0.7)
+
+    def test_something_that_comes_before_a_ranger_at_rest_is_not_averaged_with_the_wall(self):
+        points = RangePoints(SETTINGS.wheelchair)
+        for stamp in np.arange(1.0, 3.0, 0.05):
+            assert len(self.read(points, stamp, left_front=0.6, left_middle=0.6))
+        for stamp in np.arange(3.0, 4.0, 0.05):
+            assert not len(self.read(points, stamp, left_front=0.25, left_middle=0.6))
+        # and when it has gone, it leaves nothing
+        walls = self.read(points, 4.0, left_front=0.6, left_middle=0.6)
+        np.testing.assert_allclose(walls[-1, [1, 3]], self.RANGERS.y + 0.6, atol=1e-6)
+
+    def test_where_the_heading_wraps_nothing_is_different(self):
+        points, rng, found = RangePoints(SETTINGS.wheelchair), np.random.default_rng(8), []
+        for stamp in np.arange(1.0, 5.0, 0.05):
+            yaw = math.remainder(math.pi + 0.001 * rng.standard_normal(), 2.0 * math.pi)
+            front, middle = 0.6 * (1.0 + 0.01 * rng.standard_normal(2))
+            found = self.read(points, stamp, (0.0, 0.0, yaw), left_front=front, left_middle=middle)
+        np.testing.assert_allclose(found[:, [1, 3]], -self.RANGERS.y - 0.6, atol=0.005)
 
     @pytest.mark.parametrize("depth, goes_on", [(0.15, False), (0.8, True)])
     def test_an_opening_in_a_wall_is_not_a_bend_in_it(self, depth, goes_on):
