@@ -127,7 +127,7 @@ def remember(ground, ground_resolution, pose, front, rear, half_width):
 
 @njit(cache=True)
 def prolong(walls, points, pose, reach, corridor, step, pitch, deepest, front, rear, half_width):
-    """Points (k, 2), ``pitch`` [m] apart, in the gaps of walls that go on straight ahead of ``pose`` (3,).
+    """Points (k, 2), ``pitch`` [m] or less apart, in the gaps of walls that go on straight ahead of ``pose`` (3,).
 
     A wall (x, y, x, y), one of ``walls`` (m, 4), leads from its first point to its second. Where any of ``points``
     (n, 2), centres of cells with edges of ``step`` [m], lie within ``corridor`` [m] beside its continuation, up to
