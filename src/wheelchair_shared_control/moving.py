@@ -4,6 +4,10 @@ What a thing that stands shows changes as the chair drives: cells are added wher
 that its middle seems to move. A blob has moved only where its leading and its trailing edge both went the same way.
 Behind a walker cells stay occupied for a while, so that the trailing edge may lag: it is the leading one that counts.
 And what has moved stands where nothing stood: a wall that is seen in pieces, now these, now those, does not.
+
+A walker is lost to this where they pass close to a wall, which makes one blob of both, and where they come so near that
+no camera sees them: their cells then stay as they were last seen. Neither means that they stand: they are moved on for
+a while.
 """
 from collections import deque
 from typing import NamedTuple
@@ -11,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from wheelchair_shared_control import rectangle
 from wheelchair_shared_control.grid import LETHAL
 
 NOTHING = np.empty((0, 2))
@@ -28,6 +33,10 @@ BRISK = 1.0  # m/s: an edge of a walker that went faster jumped
 CONFIRMED = 2  # grids in a row that show motion before it is believed
 STANDS = 3  # grids in a row without motion before a walker is believed to stand
 REMEMBERED = 0.5  # s that a moving blob is moved on unseen
+LOST = 2.0  # s that it is moved on where something says that it may still walk
+NEAR = 0.6  # m to the chair's outline: so near a depth camera sees nothing, or too little of a person
+AROUND = 0.1  # m about where a walker is expected: cells newly entered there are theirs
+ENTERED = 0.01  # m2: so much of them
 FRESH = 0.4  # s: a cell that was found lethal earlier is not newly entered
 FRESH_SHARE = 0.12  # of a moving blob's cells: a person of 0.4 m at 0.3 m/s enters a quarter anew in that time
 FORGOTTEN = 3.0  # s after which a cell that was lethal counts as new again
@@ -60,6 +69,10 @@ class Track:
     def moves(self):
         """Whether the motion is believed."""
         return self.seen_moving >= CONFIRMED
+
+    def points(self, stamp):
+        """Cells (n, 2) [m] where they should be now: those last seen, moved on."""
+        return self.blob.points + self.velocity * (stamp - self.stamp)
 
     def take(self, stamp, blob):
         """Follow the blob to where it is now."""
@@ -104,10 +117,11 @@ class MovingCells:
     """Follows blobs from grid to grid.
 
     After ``update``: ``points`` (n, 2) of the moving blobs in odom [m], their ``velocities`` (n, 2) [m/s], and the
-    ``stamp`` [s] to which both refer.
+    ``stamp`` [s] to which both refer. ``footprint``: the chair's outline.
     """
 
-    def __init__(self):
+    def __init__(self, footprint):
+        self._footprint = footprint
         self.reset()
 
     def reset(self):
@@ -116,12 +130,13 @@ class MovingCells:
         self._tracks = []
         self._memory = _Memory()
 
-    def update(self, grid):
-        """Take a grid; one that was taken before, or an older one, is passed over."""
+    def update(self, grid, pose):
+        """Take a grid as the chair stands at ``pose`` (3,) in odom; one no newer than the last is passed over."""
         if not grid.stamp > self.stamp:
             return
         self.stamp = grid.stamp
-        blobs = find_blobs(grid, self._memory.update(grid))
+        fresh = self._memory.update(grid)
+        blobs = find_blobs(grid, fresh)
         tracks = []
         free = list(range(len(blobs)))
         # those known to move choose first
@@ -137,9 +152,12 @@ class MovingCells:
                     best, distance = index, away
             if best is not None:
                 free.remove(best)
-                track.take(grid.stamp, blobs[best])
+            # a walker of whom nothing is seen, or only cells that are left of them
+            lost = track.moves and (best is None or blobs[best].fresh < FRESH_SHARE)
+            if lost and self._walks_on(track, grid, pose, fresh, best is not None):
                 tracks.append(track)
-            elif track.moves and grid.stamp - track.stamp < REMEMBERED:
+            elif best is not None:
+                track.take(grid.stamp, blobs[best])
                 tracks.append(track)
         tracks += [Track(grid.stamp, blobs[index]) for index in free]
         self._tracks = tracks
@@ -147,10 +165,25 @@ class MovingCells:
         if not moving:
             self.points, self.velocities = NOTHING, NOTHING
             return
-        self.points = np.concatenate(
-            [track.blob.points + track.velocity * (grid.stamp - track.stamp) for track in moving]
-        )
+        self.points = np.concatenate([track.points(grid.stamp) for track in moving])
         self.velocities = np.concatenate([np.tile(track.velocity, (len(track.blob.points), 1)) for track in moving])
+
+    def _walks_on(self, track, grid, pose, fresh, left):
+        """Whether a walker who was not told apart is moved on; ``left``: whether cells stand where they should be."""
+        since = grid.stamp - track.stamp
+        if since >= LOST:
+            return False
+        if not left and since < REMEMBERED:
+            return True
+        expected, box = track.points(grid.stamp), self._footprint
+        if rectangle.nearest(expected, *pose, box.front, box.rear, box.half_width) < NEAR:
+            return True
+        low, high = expected.min(axis=0) - AROUND, expected.max(axis=0) + AROUND
+        first, last = (np.round((edge - grid.origin) / grid.resolution).astype(int) for edge in (low, high))
+        first = np.maximum(first, 0)
+        window = (slice(first[1], max(last[1], 0)), slice(first[0], max(last[0], 0)))
+        entered = np.count_nonzero(fresh[window] & (grid.cells[window] == LETHAL))
+        return entered * grid.resolution**2 >= ENTERED
 
 
 class _Memory:

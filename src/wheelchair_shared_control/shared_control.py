@@ -104,7 +104,7 @@ class SharedControl:
         self.limiter = Limiter(settings.wheelchair.limits)
         self.guard = Guard(settings)
         self._ranges = RangePoints(settings.wheelchair)
-        self._moving = moving.MovingCells()
+        self._moving = moving.MovingCells(self._footprint)
         self.reset()
 
     def reset(self):
@@ -318,7 +318,7 @@ class SharedControl:
         grid = None if dead else inputs.grid
         points = self._ranges.points()
         if grid is not None and ages["costmap"] >= -limits.costmap:
-            self._moving.update(grid)  # which passes over all that is older
+            self._moving.update(grid, odometry.pose)  # which passes over all that is older
         moving_cells = None if grid is None else self._moving
         scene = self.guard.look(grid, odometry.pose, points, moving_cells, self._ranges.walls(inputs.now))
         clearance = min(self.guard.clearance(scene, odometry.pose), self.settings.max_range)

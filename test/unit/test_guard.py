@@ -10,7 +10,7 @@ from wheelchair_shared_control import footprint as outline
 from wheelchair_shared_control.grid import WHOLE_CELLS, Grid
 from wheelchair_shared_control.guard import FREE, NO_WALLS, SLOWED, STOPPED, Guard
 from wheelchair_shared_control.limiter import Limiter
-from wheelchair_shared_control.moving import MovingCells
+from wheelchair_shared_control.moving import LOST, MovingCells
 from wheelchair_shared_control.ranging import RangePoints
 from wheelchair_shared_control.values import RANGERS, STOP, Odometry, Ranges, Twist
 
@@ -310,6 +310,9 @@ class TestRangers:
         assert taken.oldest(1.5) == ("right_middle", pytest.approx(0.5))
 
 
+AWAY = np.array([-20.0, 0.0, 0.0])  # of the chair: so far off that it makes no difference
+
+
 class TestMoving:
     """A person of 0.4 m crosses from the right, the grid shows them every 0.1 s."""
 
@@ -320,9 +323,9 @@ class TestMoving:
         return grid._replace(stamp=stamp)
 
     def follow(self, speed, grids=10):
-        moving = MovingCells()
+        moving = MovingCells(CHAIR)
         for k in range(grids):
-            moving.update(self.grid(0.1 * k, -2.0 + speed * 0.1 * k, growing=k))
+            moving.update(self.grid(0.1 * k, -2.0 + speed * 0.1 * k, growing=k), AWAY)
         return moving
 
     def test_has_the_velocity_of_its_edges(self):
@@ -337,24 +340,24 @@ class TestMoving:
         # All of a wall's end, 0.6 m, is seen for a second; then pieces of 0.2 m one after the other, as if one
         # piece walked along it. The same walk over free ground is one.
         for known, moves in ((True, False), (False, True)):
-            moving, found = MovingCells(), False
+            moving, found = MovingCells(CHAIR), False
             for k in range(22):
                 low, high = (0.0, 0.6) if k < 10 else (0.04 * (k - 10), 0.04 * (k - 10) + 0.2)
                 if k < 10 and not known:
                     continue
-                moving.update(filled(empty(), (1.0, 1.1), (low, high))._replace(stamp=0.1 * k))
+                moving.update(filled(empty(), (1.0, 1.1), (low, high))._replace(stamp=0.1 * k), AWAY)
                 found = found or len(moving.points) > 0
             assert found == moves
 
     def test_keep_moving_while_their_trail_lags(self):
         # From the 10th grid on the cells behind the walker are not cleared any more: only the leading edge goes on.
         # Half a second after the leading edge has stopped, the walker is believed to stand.
-        moving, cells = MovingCells(), empty().cells
+        moving, cells = MovingCells(CHAIR), empty().cells
         for k in range(32):
             y = -2.0 + 0.05 * min(k, 22)
             grid = filled(empty(), (1.3, 1.7), (y - 0.2, y + 0.2))
             cells = np.maximum(cells, grid.cells) if k > 10 else grid.cells
-            moving.update(grid._replace(cells=cells.copy(), stamp=0.1 * k))
+            moving.update(grid._replace(cells=cells.copy(), stamp=0.1 * k), AWAY)
             if 8 <= k <= 22:
                 assert len(moving.points) and moving.velocities[0, 1] > 0.3, k
         assert len(moving.points) == 0
@@ -362,33 +365,61 @@ class TestMoving:
     def test_walk_on_when_they_come_apart_from_their_trail(self):
         # 0.4 m/s to the left. The trail of 0.9 m comes off in grid 22 and, being long, is nearer to where the middle of
         # both was expected than the walker.
-        moving = MovingCells()
+        moving = MovingCells(CHAIR)
         for k in range(34):
             y = -1.5 + 0.04 * k
             low = y - 0.2 if k < 6 else -1.46
             grid = filled(empty(), (1.3, 1.7), (low if k < 22 else y - 0.2, y + 0.2))
             if k >= 22:
                 grid = filled(grid, (1.3, 1.7), (-1.46, -0.87))
-            moving.update(grid._replace(stamp=0.1 * k))
+            moving.update(grid._replace(stamp=0.1 * k), AWAY)
             if k >= 8:
                 ahead = moving.points[:, 1] > y - 0.25 if len(moving.points) else np.zeros(0, bool)
                 assert ahead.any() and (moving.velocities[ahead, 1] > 0.2).all(), k
 
     def test_a_wall_that_comes_into_view_bit_by_bit_does_not_move(self):
         # One cell thick, 0.9 m at first; its near end and its far end are seen in turns of 0.1 m further on.
-        moving = MovingCells()
+        moving = MovingCells(CHAIR)
         for k in range(24):
-            moving.update(filled(empty(), (0.5 + 0.04 * k, 1.4 + 0.04 * k), (1.0, 1.025))._replace(stamp=0.1 * k))
+            moving.update(filled(empty(), (0.5 + 0.04 * k, 1.4 + 0.04 * k), (1.0, 1.025))._replace(stamp=0.1 * k), AWAY)
             assert len(moving.points) == 0
 
     def test_are_followed_while_the_window_rolls(self):
-        moving = MovingCells()
+        moving = MovingCells(CHAIR)
         for k in range(10):
             grid, shift = self.grid(0.1 * k, -2.0 + 0.05 * k), 2 * k  # the chair drives on
             cells = np.zeros_like(grid.cells)
             cells[:, : SIZE - shift] = grid.cells[:, shift:]
-            moving.update(grid._replace(cells=cells, origin=np.add(grid.origin, (shift * RESOLUTION, 0.0))))
+            moving.update(grid._replace(cells=cells, origin=np.add(grid.origin, (shift * RESOLUTION, 0.0))), AWAY)
         assert np.allclose(moving.velocities, (0.0, 0.5), atol=0.05) and len(moving.points) >= 240
+
+    @pytest.mark.parametrize("stops", [None, 14])
+    def test_are_not_lost_beside_a_wall(self, stops):
+        # A wall of 3 m, open from y -1.2 to 1.2, 0.05 m beyond the walker. What they left behind stays marked, so that
+        # from the 10th grid on they and the wall are one blob. Who walks on enters new cells; who stops enters none.
+        moving, trail = MovingCells(CHAIR), empty().cells
+        for k in range(26):
+            y = -2.0 + 0.05 * min(k, stops or k)
+            grid = filled(empty(), (1.3, 1.7), (y - 0.2, y + 0.2))
+            trail = np.maximum(trail, grid.cells) if k > 10 else grid.cells
+            grid = filled(grid._replace(cells=trail.copy()), (1.7 + (0.1 if k < 10 else 0.0), 1.9), (-1.5, 1.5))
+            moving.update(grid._replace(stamp=0.1 * k), AWAY)
+            if 8 <= k <= (stops or 26):
+                ahead = moving.points[:, 1] > y if len(moving.points) else np.zeros(0, bool)
+                assert ahead.any() and (moving.velocities[ahead, 1] > 0.3).all(), k
+        assert (len(moving.points) == 0) == (stops is not None)
+
+    def test_are_moved_on_where_no_camera_sees_them(self):
+        # They come at the chair's side; 0.3 m from it the grid shows them no more where they are, but where they were.
+        # Away from the chair that means that they stand.
+        for pose, seconds in ((np.array([1.0, 0.0, 0.0]), LOST), (AWAY, 0.4)):
+            moving, last = MovingCells(CHAIR), None
+            for k in range(80):
+                y = -2.5 + 0.05 * min(k, 33)
+                moving.update(self.grid(0.1 * k, y), pose)
+                last = 0.1 * k if len(moving.points) else last
+            # in sight until 3.3 s; new cells count as new for 0.4 s
+            assert 3.3 + seconds - 0.1 <= last <= 3.3 + seconds + 0.7
 
     def test_stop_a_chair_whose_way_they_will_cross(self):
         # The person's near side is at y -0.7, 0.5 m/s: 0.85 s later, when the chair's front would have come to
