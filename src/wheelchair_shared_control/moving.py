@@ -7,7 +7,7 @@ And what has moved stands where nothing stood: a wall that is seen in pieces, no
 
 A walker is lost to this where they pass close to a wall, which makes one blob of both, and where they come so near that
 no camera sees them: their cells then stay as they were last seen. Neither means that they stand: they are moved on for
-a while.
+a while, and then forgotten. By then other blobs near them are other things.
 """
 from collections import deque
 from typing import NamedTuple
@@ -33,8 +33,10 @@ BRISK = 1.0  # m/s: an edge of a walker that went faster jumped
 CONFIRMED = 2  # grids in a row that show motion before it is believed
 STANDS = 3  # grids in a row without motion before a walker is believed to stand
 REMEMBERED = 0.5  # s that a moving blob is moved on unseen
-LOST = 2.0  # s that it is moved on where something says that it may still walk
+LOST = 2.0  # s that a walker is moved on where something says that they may still walk
+WALKED = 5  # grids that showed motion: what showed it less often is no walker yet
 NEAR = 0.6  # m to the chair's outline: so near a depth camera sees nothing, or too little of a person
+LEAVES = (0.3, 0.05)  # s, m: who comes so much further away from the chair in that time leaves it
 AROUND = 0.1  # m about where a walker is expected: cells newly entered there are theirs
 ENTERED = 0.01  # m2: so much of them
 FRESH = 0.4  # s: a cell that was found lethal earlier is not newly entered
@@ -143,7 +145,8 @@ class MovingCells:
         for track in sorted(self._tracks, key=lambda t: -t.seen_moving):
             expected = track.expected(grid.stamp)
             best, distance = None, NEAREST
-            for index in free:
+            missed = track.moves and grid.stamp - track.stamp > REMEMBERED
+            for index in () if missed else free:
                 away = float(np.hypot(*(blobs[index].middle - expected)))
                 if track.moves and blobs[index].fresh >= FRESH_SHARE:
                     # Where a walker comes apart from the trail it is the piece on new ground that walks on.
@@ -168,22 +171,27 @@ class MovingCells:
         self.points = np.concatenate([track.points(grid.stamp) for track in moving])
         self.velocities = np.concatenate([np.tile(track.velocity, (len(track.blob.points), 1)) for track in moving])
 
-    def _walks_on(self, track, grid, pose, fresh, left):
-        """Whether a walker who was not told apart is moved on; ``left``: whether cells stand where they should be."""
+    def _walks_on(self, track, grid, pose, fresh, stands):
+        """Whether a walker who was not told apart is moved on; ``stands``: whether cells stand where they should be."""
         since = grid.stamp - track.stamp
-        if since >= LOST:
+        if not stands and since < REMEMBERED:
+            return True
+        if since >= LOST or track.seen_moving < WALKED:
             return False
-        if not left and since < REMEMBERED:
+        expected = track.points(grid.stamp)
+        away = self._distance(expected, pose)
+        if away < NEAR and self._distance(track.points(grid.stamp + LEAVES[0]), pose) < away + LEAVES[1]:
             return True
-        expected, box = track.points(grid.stamp), self._footprint
-        if rectangle.nearest(expected, *pose, box.front, box.rear, box.half_width) < NEAR:
-            return True
-        low, high = expected.min(axis=0) - AROUND, expected.max(axis=0) + AROUND
-        first, last = (np.round((edge - grid.origin) / grid.resolution).astype(int) for edge in (low, high))
-        first = np.maximum(first, 0)
-        window = (slice(first[1], max(last[1], 0)), slice(first[0], max(last[0], 0)))
+        edges = np.stack((expected.min(axis=0) - AROUND, expected.max(axis=0) + AROUND))
+        size = grid.cells.shape[::-1]
+        first, last = np.clip(np.floor((edges - grid.origin) / grid.resolution).astype(int), 0, size)
+        window = (slice(first[1], last[1] + 1), slice(first[0], last[0] + 1))
         entered = np.count_nonzero(fresh[window] & (grid.cells[window] == LETHAL))
         return entered * grid.resolution**2 >= ENTERED
+
+    def _distance(self, points, pose):
+        box = self._footprint
+        return rectangle.nearest(points, pose[0], pose[1], pose[2], box.front, box.rear, box.half_width)
 
 
 class _Memory:

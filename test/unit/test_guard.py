@@ -395,8 +395,8 @@ class TestMoving:
 
     @pytest.mark.parametrize("stops", [None, 14])
     def test_are_not_lost_beside_a_wall(self, stops):
-        # A wall of 3 m, open from y -1.2 to 1.2, 0.05 m beyond the walker. What they left behind stays marked, so that
-        # from the 10th grid on they and the wall are one blob. Who walks on enters new cells; who stops enters none.
+        # They walk along a wall of 3 m; what they left behind stays marked. From the 10th grid on the wall's marks
+        # reach them, and the two are one blob. Who walks on enters new cells; who stops enters none.
         moving, trail = MovingCells(CHAIR), empty().cells
         for k in range(26):
             y = -2.0 + 0.05 * min(k, stops or k)
@@ -412,14 +412,33 @@ class TestMoving:
     def test_are_moved_on_where_no_camera_sees_them(self):
         # They come at the chair's side; 0.3 m from it the grid shows them no more where they are, but where they were.
         # Away from the chair that means that they stand.
-        for pose, seconds in ((np.array([1.0, 0.0, 0.0]), LOST), (AWAY, 0.4)):
-            moving, last = MovingCells(CHAIR), None
-            for k in range(80):
-                y = -2.5 + 0.05 * min(k, 33)
+        for pose, speed, seconds in (
+            (np.array([1.0, 0.0, 0.0]), 0.16, LOST), (np.array([1.0, 0.0, 0.0]), 0.5, LOST), (AWAY, 0.5, 0.4)
+        ):
+            moving, last, stop = MovingCells(CHAIR), None, 1.65 / speed
+            for k in range(150):
+                y = min(-2.5 + 0.1 * k * speed, -0.85)
                 moving.update(self.grid(0.1 * k, y), pose)
                 last = 0.1 * k if len(moving.points) else last
-            # in sight until 3.3 s; new cells count as new for 0.4 s
-            assert 3.3 + seconds - 0.1 <= last <= 3.3 + seconds + 0.7
+            # new cells count as new for 0.4 s
+            assert stop + seconds - 0.3 <= last <= stop + seconds + 0.4, (pose, speed)
+
+    @pytest.mark.parametrize("late", [0.6, 1.2, 1.6])
+    @pytest.mark.parametrize("grows", [0.15, 0.3])
+    def test_are_not_found_again_in_what_comes_into_view(self, late, grows):
+        # They are seen no more 0.15 m before the chair's front, after 2.8 s; ``late`` [s] after that a wall beyond them
+        # comes into view, one end first.
+        moving = MovingCells(CHAIR)
+        for k in range(90):
+            time = 0.1 * k
+            y = min(-1.8 + 0.5 * time, -0.4)
+            grid = filled(empty(), (0.85, 1.25), (y - 0.2, y + 0.2))
+            if time > 2.8 + late:
+                grid = filled(grid, (1.0, 1.1), (0.45, min(0.65 + grows * (time - 2.8 - late), 1.6)))
+            moving.update(grid._replace(stamp=time), np.zeros(3))
+            of_wall = len(moving.points) and np.ptp(moving.points[:, 0]) < 0.15
+            assert not of_wall
+            assert time < 3.3 + LOST or len(moving.points) == 0
 
     def test_stop_a_chair_whose_way_they_will_cross(self):
         # The person's near side is at y -0.7, 0.5 m/s: 0.85 s later, when the chair's front would have come to
