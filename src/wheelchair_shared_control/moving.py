@@ -5,9 +5,13 @@ that its middle seems to move. A blob has moved only where its leading and its t
 Behind a walker cells stay occupied for a while, so that the trailing edge may lag: it is the leading one that counts.
 And what has moved stands where nothing stood: a wall that is seen in pieces, now these, now those, does not.
 
-A walker is lost to this where they pass close to a wall, which makes one blob of both, and where they come so near that
-no camera sees them: their cells then stay as they were last seen. Neither means that they stand: they are moved on for
-a while, and then forgotten. By then other blobs near them are other things.
+Two kinds of blobs are followed, each by itself: whole things, and *fronts*, the cells that were entered just now where
+free ground had been seen. A walker whose trail stays marked (before an open space nothing looks through it), or who
+walks along a wall, is no thing of their own, but has a front; what only comes into view was unknown, and has none.
+
+A walker is lost to this where they pass close to a wall, which makes one blob of both, and where they come so near
+that no camera sees them: their cells then stay as they were last seen. Neither means that they stand: they are moved on
+for a while, and then forgotten. By then other blobs near them are other things.
 """
 from collections import deque
 from typing import NamedTuple
@@ -16,7 +20,7 @@ import numpy as np
 from scipy import ndimage
 
 from wheelchair_shared_control import rectangle
-from wheelchair_shared_control.grid import LETHAL
+from wheelchair_shared_control.grid import LETHAL, UNKNOWN
 
 NOTHING = np.empty((0, 2))
 LARGEST = 1.3  # m: extent of a person and their trail; larger blobs are walls and furniture
@@ -41,6 +45,9 @@ AROUND = 0.1  # m about where a walker is expected: cells newly entered there ar
 ENTERED = 0.01  # m2: so much of them
 FRESH = 0.4  # s: a cell that was found lethal earlier is not newly entered
 FRESH_SHARE = 0.12  # of a moving blob's cells: a person of 0.4 m at 0.3 m/s enters a quarter anew in that time
+FREE_BEFORE = 1.0  # s: a cell that was seen free so short a time ago was free when it was entered
+FRONT_AREA = 0.02  # m2: smaller fronts are flickering cells; a person of 0.4 m at 0.3 m/s enters twice that in FRESH
+FRONT_SMALLEST, FRONT_LARGEST = 0.15, 0.9  # m: longer ones are edges of walls that flicker or were displaced
 FORGOTTEN = 3.0  # s after which a cell that was lethal counts as new again
 
 
@@ -75,6 +82,10 @@ class Track:
     def points(self, stamp):
         """Cells (n, 2) [m] where they should be now: those last seen, moved on."""
         return self.blob.points + self.velocity * (stamp - self.stamp)
+
+    def box(self, stamp):
+        """Lowest and highest x, y (2, 2) [m] of those cells."""
+        return self.blob.edges + self.velocity * (stamp - self.stamp)
 
     def take(self, stamp, blob):
         """Follow the blob to where it is now."""
@@ -129,7 +140,7 @@ class MovingCells:
     def reset(self):
         """Forget all grids."""
         self.points, self.velocities, self.stamp = NOTHING, NOTHING, -np.inf
-        self._tracks = []
+        self._things, self._fronts = [], []
         self._memory = _Memory()
 
     def update(self, grid, pose):
@@ -137,12 +148,27 @@ class MovingCells:
         if not grid.stamp > self.stamp:
             return
         self.stamp = grid.stamp
-        fresh = self._memory.update(grid)
-        blobs = find_blobs(grid, fresh)
+        fresh, entered = self._memory.update(grid)
+        self._things = self._follow(self._things, find_blobs(grid, fresh), grid, pose, fresh)
+        self._fronts = self._follow(self._fronts, find_fronts(grid, entered), grid, pose, fresh)
+        moving = [track for track in self._things if track.moves]
+        known = [track.box(grid.stamp) for track in moving]
+        for track in self._fronts:
+            middle = track.expected(grid.stamp)
+            if track.moves and not any((low <= middle).all() and (middle <= high).all() for low, high in known):
+                moving.append(track)
+        if not moving:
+            self.points, self.velocities = NOTHING, NOTHING
+            return
+        self.points = np.concatenate([track.points(grid.stamp) for track in moving])
+        self.velocities = np.concatenate([np.tile(track.velocity, (len(track.blob.points), 1)) for track in moving])
+
+    def _follow(self, known, blobs, grid, pose, fresh):
+        """The ``Track``s that continue ``known`` in this grid's ``blobs``, and new ones for what nobody continues."""
         tracks = []
         free = list(range(len(blobs)))
         # those known to move choose first
-        for track in sorted(self._tracks, key=lambda t: -t.seen_moving):
+        for track in sorted(known, key=lambda t: -t.seen_moving):
             expected = track.expected(grid.stamp)
             best, distance = None, NEAREST
             missed = track.moves and grid.stamp - track.stamp > REMEMBERED
@@ -162,14 +188,7 @@ class MovingCells:
             elif best is not None:
                 track.take(grid.stamp, blobs[best])
                 tracks.append(track)
-        tracks += [Track(grid.stamp, blobs[index]) for index in free]
-        self._tracks = tracks
-        moving = [track for track in tracks if track.moves]
-        if not moving:
-            self.points, self.velocities = NOTHING, NOTHING
-            return
-        self.points = np.concatenate([track.points(grid.stamp) for track in moving])
-        self.velocities = np.concatenate([np.tile(track.velocity, (len(track.blob.points), 1)) for track in moving])
+        return tracks + [Track(grid.stamp, blobs[index]) for index in free]
 
     def _walks_on(self, track, grid, pose, fresh, stands):
         """Whether a walker who was not told apart is moved on; ``stands``: whether cells stand where they should be."""
@@ -195,29 +214,37 @@ class MovingCells:
 
 
 class _Memory:
-    """Since when each lethal cell has been one, while the window rolls."""
+    """Since when each lethal cell has been one, and what it was before, while the window rolls."""
 
     def __init__(self):
-        self._since = self._last = self._corner = None
+        self._since = self._last = self._free = self._was_free = self._corner = None
 
     def update(self, grid):
-        """Whether each cell (rows, columns) has been lethal for no longer than FRESH [s]."""
+        """Which cells (rows, columns) have been lethal for no longer than FRESH [s]; which of them were free before."""
         corner = np.round(np.asarray(grid.origin) / grid.resolution).astype(int)
         if self._since is None or self._since.shape != grid.cells.shape:
-            self._since, self._last = (np.full(grid.cells.shape, -np.inf) for _ in range(2))
+            self._since, self._last, self._free = (np.full(grid.cells.shape, -np.inf) for _ in range(3))
+            self._was_free = np.zeros(grid.cells.shape, bool)
         elif not np.array_equal(corner, self._corner):
             shift = corner - self._corner
-            self._since, self._last = _rolled(self._since, shift), _rolled(self._last, shift)
+            self._since, self._last, self._free = (
+                _rolled(values, shift, -np.inf) for values in (self._since, self._last, self._free)
+            )
+            self._was_free = _rolled(self._was_free, shift, False)
         self._corner = corner
         lethal = grid.cells == LETHAL
-        self._since[lethal & (grid.stamp - self._last > FORGOTTEN)] = grid.stamp
-        self._last[lethal] = grid.stamp
-        return grid.stamp - self._since <= FRESH
+        new = lethal & (grid.stamp - self._last > FORGOTTEN)
+        self._since[new] = grid.stamp
+        self._was_free[new] = grid.stamp - self._free[new] <= FREE_BEFORE
+        np.copyto(self._last, grid.stamp, where=lethal)
+        np.copyto(self._free, grid.stamp, where=(grid.cells != UNKNOWN) & ~lethal)
+        fresh = grid.stamp - self._since <= FRESH
+        return fresh, fresh & lethal & self._was_free
 
 
-def _rolled(values, shift):
-    """``values`` (rows, columns) in a window whose corner moved by ``shift`` (columns, rows); new cells are -inf."""
-    moved = np.full_like(values, -np.inf)
+def _rolled(values, shift, new):
+    """``values`` (rows, columns) in a window whose corner moved by ``shift`` (columns, rows); new cells are ``new``."""
+    moved = np.full_like(values, new)
     there, here = [], []
     for size, by in zip(values.shape, shift[::-1]):
         there.append(slice(max(-by, 0), max(min(size - by, size), 0)))
@@ -242,9 +269,26 @@ def find_blobs(grid, fresh=None):
         thickness = len(rows) * grid.resolution / max(height, width)
         if len(rows) < FEWEST or (max(height, width) * grid.resolution > THIN[0] and thickness < THIN[1]):
             continue
-        cells = np.column_stack((columns + box[1].start + 0.5, rows + box[0].start + 0.5))
-        points = cells * grid.resolution + np.asarray(grid.origin)
-        edges = np.stack((points.min(axis=0), points.max(axis=0)))
         share = 1.0 if fresh is None else float(fresh[box][rows, columns].mean())
-        blobs.append(Blob(points, points.mean(axis=0), edges, share))
+        blobs.append(_blob(rows + box[0].start, columns + box[1].start, grid, share))
     return blobs
+
+
+def find_fronts(grid, entered):
+    """Groups of touching cells that were ``entered`` (rows, columns) just now, no larger than a person: ``Blob``s."""
+    labels, count = ndimage.label(entered, structure=np.ones((3, 3)))
+    fronts = []
+    for index, box in enumerate(ndimage.find_objects(labels, count), start=1):
+        longer = max(box[0].stop - box[0].start, box[1].stop - box[1].start) * grid.resolution
+        if not FRONT_SMALLEST <= longer <= FRONT_LARGEST:
+            continue
+        rows, columns = np.nonzero(labels[box] == index)
+        if len(rows) * grid.resolution**2 >= FRONT_AREA:
+            fronts.append(_blob(rows + box[0].start, columns + box[1].start, grid))
+    return fronts
+
+
+def _blob(rows, columns, grid, fresh=1.0):
+    cells = np.column_stack((columns + 0.5, rows + 0.5))
+    points = cells * grid.resolution + np.asarray(grid.origin)
+    return Blob(points, points.mean(axis=0), np.stack((points.min(axis=0), points.max(axis=0))), fresh)

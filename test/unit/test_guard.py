@@ -7,7 +7,7 @@ import pytest
 
 from wheelchair_shared_control import conversions, parameters, rectangle, se2, sweep
 from wheelchair_shared_control import footprint as outline
-from wheelchair_shared_control.grid import WHOLE_CELLS, Grid
+from wheelchair_shared_control.grid import UNKNOWN, WHOLE_CELLS, Grid
 from wheelchair_shared_control.guard import FREE, NO_WALLS, SLOWED, STOPPED, Guard
 from wheelchair_shared_control.limiter import Limiter
 from wheelchair_shared_control.moving import LOST, MovingCells
@@ -319,6 +319,7 @@ class TestMoving:
     @staticmethod
     def grid(stamp, y, growing=0):
         grid = filled(empty(), (1.3, 1.7), (y - 0.2, y + 0.2))
+        grid = filled(grid, (-2.0, -1.6), (1.0, 2.9), UNKNOWN)
         grid = filled(grid, (-2.0, -1.6), (1.0, 1.2 + 0.05 * growing))  # a box of which more and more is seen
         return grid._replace(stamp=stamp)
 
@@ -377,6 +378,39 @@ class TestMoving:
                 ahead = moving.points[:, 1] > y - 0.25 if len(moving.points) else np.zeros(0, bool)
                 assert ahead.any() and (moving.velocities[ahead, 1] > 0.2).all(), k
 
+    @pytest.mark.parametrize("wall", [False, True])
+    def test_are_found_though_their_trail_stays(self, wall):
+        # From the first grid on all that they ever stood on stays marked; and they may walk along a wall, too.
+        moving, cells = MovingCells(CHAIR), empty().cells
+        for k in range(30):
+            y = -2.0 + 0.05 * min(k, 20)
+            grid = filled(empty(), (1.3, 1.7), (y - 0.2, y + 0.2))
+            cells = np.maximum(cells, (filled(grid, (1.7, 1.8), (-2.9, 2.9)) if wall else grid).cells)
+            moving.update(grid._replace(cells=cells.copy(), stamp=0.1 * k), AWAY)
+            if 10 <= k <= 20:
+                assert len(moving.points) and moving.points[:, 1].max() > y + 0.1, k
+                assert np.allclose(moving.velocities, (0.0, 0.5), atol=0.1), k
+        assert len(moving.points) == 0
+
+    @pytest.mark.parametrize("before", ["unknown", "free"])
+    def test_a_cupboard_that_comes_into_view_does_not_move(self, before):
+        # 0.4 m deep, its end seen 0.05 m further in every grid. Had the ground been seen free, it would be a walker.
+        moving = MovingCells(CHAIR)
+        for k in range(20):
+            grid = filled(empty(), (1.3, 1.7), (-2.0, 2.0), UNKNOWN if before == "unknown" else 0)
+            grid = filled(grid, (1.3, 1.7), (-2.0, -1.8 + 0.05 * k))
+            moving.update(grid._replace(stamp=0.1 * k), AWAY)
+        assert (len(moving.points) > 0) == (before == "free")
+
+    def test_a_wall_that_creeps_does_not_move(self):
+        # Odometry drifts by a cell in each half second: the map's wall comes 0.05 m/s nearer, in pieces.
+        moving = MovingCells(CHAIR)
+        for k in range(30):
+            x = 1.5 - RESOLUTION * (k // 5)
+            grid = filled(filled(empty(), (x, 1.6), (-2.0, -1.3)), (x, 1.6), (-0.5, 0.3))
+            moving.update(grid._replace(stamp=0.1 * k), AWAY)
+            assert len(moving.points) == 0
+
     def test_a_wall_that_comes_into_view_bit_by_bit_does_not_move(self):
         # One cell thick, 0.9 m at first; its near end and its far end are seen in turns of 0.1 m further on.
         moving = MovingCells(CHAIR)
@@ -413,14 +447,14 @@ class TestMoving:
         # They come at the chair's side; 0.3 m from it the grid shows them no more where they are, but where they were.
         # Away from the chair that means that they stand.
         for pose, speed, seconds in (
-            (np.array([1.0, 0.0, 0.0]), 0.16, LOST), (np.array([1.0, 0.0, 0.0]), 0.5, LOST), (AWAY, 0.5, 0.4)
+            (np.array([1.0, 0.0, 0.0]), 0.16, LOST), (np.array([1.0, 0.0, 0.0]), 0.5, LOST), (AWAY, 0.5, 0.6)
         ):
             moving, last, stop = MovingCells(CHAIR), None, 1.65 / speed
             for k in range(150):
                 y = min(-2.5 + 0.1 * k * speed, -0.85)
                 moving.update(self.grid(0.1 * k, y), pose)
                 last = 0.1 * k if len(moving.points) else last
-            # new cells count as new for 0.4 s
+            # new cells count as new for 0.4 s, and a front is moved on for half a second
             assert stop + seconds - 0.3 <= last <= stop + seconds + 0.4, (pose, speed)
 
     @pytest.mark.parametrize("late", [0.6, 1.2, 1.6])
