@@ -20,7 +20,7 @@ import numpy as np
 from scipy import ndimage
 
 from wheelchair_shared_control import rectangle
-from wheelchair_shared_control.grid import LETHAL, UNKNOWN
+from wheelchair_shared_control.grid import LETHAL, UNKNOWN, WHOLE_CELLS
 
 NOTHING = np.empty((0, 2))
 LARGEST = 1.3  # m: extent of a person and their trail; larger blobs are walls and furniture
@@ -46,7 +46,8 @@ ENTERED = 0.01  # m2: so much of them
 FRESH = 0.4  # s: a cell that was found lethal earlier is not newly entered
 FRESH_SHARE = 0.12  # of a moving blob's cells: a person of 0.4 m at 0.3 m/s enters a quarter anew in that time
 FREE_BEFORE = 1.0  # s: a cell that was seen free so short a time ago was free when it was entered
-FRONT_AREA = 0.02  # m2: smaller fronts are flickering cells; a person of 0.4 m at 0.3 m/s enters twice that in FRESH
+FRONT_AREA = 0.02  # m2: smaller fronts flicker; a person 0.4 m wide and deep at 0.3 m/s enters twice that in FRESH
+FRONT_CELLS = 12  # of a front, where cells are coarse: two wide, a strip of wall that comes into view looks like one
 FRONT_SMALLEST, FRONT_LARGEST = 0.15, 0.9  # m: longer ones are edges of walls that flicker or were displaced
 FORGOTTEN = 3.0  # s after which a cell that was lethal counts as new again
 
@@ -275,7 +276,13 @@ def find_blobs(grid, fresh=None):
 
 
 def find_fronts(grid, entered):
-    """Groups of touching cells that were ``entered`` (rows, columns) just now, no larger than a person: ``Blob``s."""
+    """Groups of touching cells that were ``entered`` (rows, columns) just now, no larger than a person: ``Blob``s.
+
+    None in a costmap that is not ours: others write the cost of obstacles over unknown ground (as costmap_2d within the
+    inscribed radius), so that it passes for free before a wall comes into view there.
+    """
+    if grid.surface is WHOLE_CELLS:
+        return []
     labels, count = ndimage.label(entered, structure=np.ones((3, 3)))
     fronts = []
     for index, box in enumerate(ndimage.find_objects(labels, count), start=1):
@@ -283,7 +290,7 @@ def find_fronts(grid, entered):
         if not FRONT_SMALLEST <= longer <= FRONT_LARGEST:
             continue
         rows, columns = np.nonzero(labels[box] == index)
-        if len(rows) * grid.resolution**2 >= FRONT_AREA:
+        if len(rows) >= max(FRONT_CELLS, FRONT_AREA / grid.resolution**2):
             fronts.append(_blob(rows + box[0].start, columns + box[1].start, grid))
     return fronts
 
