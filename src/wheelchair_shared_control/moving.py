@@ -281,7 +281,8 @@ def find_fronts(grid, entered):
     None in a costmap that is not ours: others write the cost of obstacles over unknown ground (as costmap_2d within the
     inscribed radius), so that it passes for free before a wall comes into view there.
     """
-    if grid.surface is WHOLE_CELLS:
+    fewest = max(FRONT_CELLS, FRONT_AREA / grid.resolution**2)
+    if grid.surface is WHOLE_CELLS or np.count_nonzero(entered) < fewest:
         return []
     labels, count = ndimage.label(entered, structure=np.ones((3, 3)))
     fronts = []
@@ -290,7 +291,7 @@ def find_fronts(grid, entered):
         if not FRONT_SMALLEST <= longer <= FRONT_LARGEST:
             continue
         rows, columns = np.nonzero(labels[box] == index)
-        if len(rows) >= max(FRONT_CELLS, FRONT_AREA / grid.resolution**2):
+        if len(rows) >= fewest:
             fronts.append(_blob(rows + box[0].start, columns + box[1].start, grid))
     return fronts
 
