@@ -206,8 +206,7 @@ class MovingCells:
         size = grid.cells.shape[::-1]
         first, last = np.clip(np.floor((edges - grid.origin) / grid.resolution).astype(int), 0, size)
         window = (slice(first[1], last[1] + 1), slice(first[0], last[0] + 1))
-        entered = np.count_nonzero(fresh[window] & (grid.cells[window] == LETHAL))
-        return entered * grid.resolution**2 >= ENTERED
+        return np.count_nonzero(fresh[window]) * grid.resolution**2 >= ENTERED
 
     def _distance(self, points, pose):
         box = self._footprint
@@ -239,8 +238,8 @@ class _Memory:
         self._was_free[new] = grid.stamp - self._free[new] <= FREE_BEFORE
         np.copyto(self._last, grid.stamp, where=lethal)
         np.copyto(self._free, grid.stamp, where=(grid.cells != UNKNOWN) & ~lethal)
-        fresh = grid.stamp - self._since <= FRESH
-        return fresh, fresh & lethal & self._was_free
+        fresh = lethal & (grid.stamp - self._since <= FRESH)
+        return fresh, fresh & self._was_free
 
 
 def _rolled(values, shift, new):
