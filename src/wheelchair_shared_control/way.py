@@ -13,6 +13,7 @@ from wheelchair_shared_control.values import STOP, Twist
 from wheelchair_shared_control.way_plan import MARGIN, Leg, crossing_line, plan, settles
 
 TRIES = 4  # to meet the axis anew; then the chair goes as it stands
+PAUSE = 0.5  # s: who has not pushed for so long begins anew
 TOUCH = 0.012  # m: half a cell of the ground's grid; less room counts as a touch
 
 
@@ -30,7 +31,8 @@ class Way:
             way_search.warm_up(self._ground, chair)
         self._late = settings.anticipation * settings.wheelchair.actuation.dead_time
         self._legs, self._turning, self._planned = [], False, False
-        self._moved, self._moved_at, self._turned_at = None, None, None
+        self._moved, self._moved_at, self._noted_at, self._turned_at = None, None, -np.inf, None
+        self._pulls_until = -np.inf
         self._backing, self._tries = False, 0
 
     @property
@@ -40,8 +42,15 @@ class Way:
 
     def turn_to(self, now, pose, twist, error):
         """Stick that turns the chair by ``error`` [rad] on the spot; along the way first where walls forbid that."""
+        if self._backing and self._legs:
+            return self.steer(now, pose, twist)
+        here = self._on_line(pose)
+        if self._stuck(now):
+            self._back_off(here)
+            self._planned = True
+            return self.steer(now, pose, twist)
+        self._note_motion(now, here, True)
         if self._ground is not None and abs(error) > 0.1:
-            here = self._on_line(pose)
             yaws = here[2] + np.linspace(0.0, error, 2 + int(abs(error) / 0.1))
             poses = np.column_stack((np.full_like(yaws, here[0]), np.full_like(yaws, here[1]), yaws))
             if room(self._ground, self.chair, poses[1:]).min() < 0.5 * self.settings.plan.minimum:
@@ -51,8 +60,8 @@ class Way:
     def steer(self, now, pose, twist, assistance_state=0):
         """Stick ``Twist`` at a believed pose (3,) and velocity.
 
-        Who is assisted leaves walls and stops to the planner: the stick is slowed near walls, but never pulled back
-        (that would end the assistance), and never long at rest (that would hold the chair).
+        Who is assisted leaves walls and stops to the planner: the stick is slowed near walls, but never long at rest
+        (that would hold the chair), and pulled back only where the chair is held, shorter than ends the assistance.
         """
         pose = self._on_line(pose)
         assisted = assistance_state == ASSISTING
@@ -64,13 +73,23 @@ class Way:
             return self._assisted(now, pose, twist)
         if not self._legs:
             return STOP
-        if self._stuck(now, pose):
+        if self._stuck(now):
             self._back_off(pose)
         command = self._with_care(pose, twist, self._follow(pose, twist))
-        self._note_motion(now, pose, command)
+        self._note_motion(now, pose, pushed(command))
         return command
 
     def _assisted(self, now, pose, twist):
+        if now < self._pulls_until:
+            return Twist(-self.settings.drive.back, 0.0)
+        if self._stuck(now) and self._room_behind(pose):
+            self._pulls_until, self._moved = now + self.settings.drive.pull_time, None
+            self._planned = False  # from there
+        command = self._with_the_planner(now, pose, twist)
+        self._note_motion(now, pose, pushed(command))
+        return command
+
+    def _with_the_planner(self, now, pose, twist):
         push = Twist(0.5 * self.settings.drive.back, 0.0)
         if not self._legs:
             return push
@@ -213,6 +232,10 @@ class Way:
         self._legs, self._turning, self._backing = [leg], False, True
         self._moved = None
 
+    def _room_behind(self, pose):
+        """Whether there is enough of it to come again squarer."""
+        return self._free_run(pose, -np.array([np.cos(pose[2]), np.sin(pose[2])]), 0.2) >= 0.1
+
     def _free_run(self, pose, direction, length):
         """How far [m] the chair can be pushed along ``direction`` (2,), at most ``length``."""
         if self._ground is None:
@@ -223,15 +246,25 @@ class Way:
         blocked = (free < TOUCH) & (free < free[0])
         return float(steps[max(0, int(np.argmax(blocked)) - 1)]) if blocked.any() else length
 
-    def _note_motion(self, now, pose, command):
-        pushed = abs(command.v) > 0.05 or abs(command.w) > 0.1
+    def _note_motion(self, now, pose, pushed):
         if (
             self._moved is None
             or not pushed
+            or now - self._noted_at > PAUSE
             or np.hypot(*(pose[:2] - self._moved[:2])) > 0.03
             or abs(float(se2.wrap_angle(pose[2] - self._moved[2]))) > 0.05
         ):
             self._moved, self._moved_at = pose.copy(), now
+        self._noted_at = now
 
-    def _stuck(self, now, pose):
-        return self._moved is not None and now - self._moved_at > self.settings.drive.stuck_time
+    def _stuck(self, now):
+        """Whether the chair has not moved although the stick has long been pushed, up to the last moment."""
+        return (
+            self._moved is not None and now - self._noted_at <= PAUSE
+            and now - self._moved_at > self.settings.drive.stuck_time
+        )
+
+
+def pushed(command):
+    """Whether the stick asks for a motion that must show within ``stuck_time``."""
+    return abs(command.v) > 0.05 or abs(command.w) > 0.1

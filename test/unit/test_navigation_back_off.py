@@ -4,9 +4,10 @@ import pytest
 from navigation_scenes import CHAIR, SETTINGS, Drive, box, door, snapshot
 
 from wheelchair_shared_control import footprint as footprints
-from wheelchair_shared_control.planning import clearance
-from wheelchair_shared_control.planning.navigation import ABORTED
+from wheelchair_shared_control.planning import clearance, planners
+from wheelchair_shared_control.planning.navigation import ABORTED, ACTIVE
 from wheelchair_shared_control.planning.planner import Planner
+from wheelchair_shared_control.values import STOP, Twist
 
 FREE = np.empty((0, 2))
 HELD = dict(share=0.0)
@@ -51,9 +52,35 @@ def test_a_chair_that_moves_is_not_held():
     assert speeds(drive, 5.0).min() >= 0.0
 
 
-def test_with_a_person_at_the_stick_it_does_not_back_off():
-    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user_v=0.3).min() >= 0.0
-    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user_v=0.0).min() >= 0.0
+STICKS = [
+    ("pushed forward", Twist(0.3, 0.0), False),
+    ("at rest", STOP, False),
+    ("turned only", Twist(0.0, 0.4), True),
+    ("hardly forward, and turned", Twist(0.04, 0.4), True),
+]
+
+
+@pytest.mark.parametrize("title, user, backs", STICKS, ids=[row[0] for row in STICKS])
+def test_a_chair_that_is_held_backs_off_unless_the_stick_pushes_on_or_rests(title, user, backs):
+    v = speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user=user)
+    assert (v.min() < -0.05) == backs
+
+
+@pytest.mark.parametrize("name", sorted(planners.TABLE))
+def test_a_person_who_pulls_back_is_not_driven_ahead(name):
+    """Ahead and back would blend to nothing, and hold the chair before whatever the person wants away from."""
+    drive = Drive(door(0.90), (-1.5, 0.0, 0.0))
+    drive.navigator = planners.make(SETTINGS, name)
+    assert speeds(drive, 1.5).max() > 0.1
+    for _ in range(20):
+        pulled = drive.tick(user=Twist(-0.06, 0.0))
+        assert pulled.command.v <= 0.0
+    assert pulled.status == ACTIVE
+    assert max(drive.tick(user=Twist(0.2, 0.0)).command.v for _ in range(20)) > 0.05
+
+
+def test_a_command_that_is_not_finite_is_nobody_s():
+    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0)), 1.0, user=Twist(-0.3, float("nan"))).max() > 0.1
 
 
 def test_it_backs_off_over_seen_ground_only():
@@ -62,15 +89,18 @@ def test_it_backs_off_over_seen_ground_only():
     assert speeds(drive, 4.0).min() >= 0.0
 
 
-LOOKS = [("nobody at the stick", None, True), ("pushing", 0.3, True), ("a stick at rest", 0.0, False)]
+LOOKS = [
+    ("nobody at the stick", None, True), ("pushing", Twist(0.3, 0.0), True), ("turning", Twist(0.0, 0.4), True),
+    ("a stick at rest", STOP, False),
+]
 
 
-@pytest.mark.parametrize("title, user_v, ends", LOOKS, ids=[row[0] for row in LOOKS])
-def test_a_look_that_is_held_ends_unless_the_stick_is_at_rest(title, user_v, ends):
+@pytest.mark.parametrize("title, user, ends", LOOKS, ids=[row[0] for row in LOOKS])
+def test_a_look_that_is_held_ends_unless_the_stick_is_at_rest(title, user, ends):
     drive = Drive(FREE, (0.0, 0.0, 0.0), **HELD)
     drive._seen = snapshot(FREE, drive.pose, 0.0, known=False)
     drive.navigator.set_goal((0.5, 2.5, 1.5), 0.0)
-    looks = [drive.tick(user_v=user_v).reason == "looks towards the goal" for _ in range(60)]
+    looks = [drive.tick(user=user).reason == "looks towards the goal" for _ in range(60)]
     assert looks[0] and looks[30]
     assert looks[-1] != ends
 

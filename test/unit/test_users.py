@@ -168,6 +168,64 @@ def test_equal_seeds_give_equal_sticks_and_others_do_not(settings):
     assert logs[0] != logs[2]
 
 
+# ---- held --------------------------------------------------------------------------------------------------------
+
+
+def held_ride(settings, start, state, seconds=12.0, scene="open", **rest):
+    """A chair that no command moves; rows of the log."""
+    ride = scene_ride(settings, start=start, scene=scene, **rest)
+    ride.limiter.step = lambda command, dt: STOP
+    ride.run(seconds, state=state)
+    return ride
+
+
+def pulls(ride):
+    """Length [s] of every stretch with the stick pulled back as far as ends the assistance, and when it began."""
+    limit = parameters.load("doorway_assistant").cancel.stick_back
+    back, time, found = ride.column(4) <= -limit, ride.column(0), []
+    for k in np.flatnonzero(back[1:] & ~back[:-1]) + 1:
+        end = k + int(np.argmin(back[k:])) if not back[k:].all() else len(back)
+        found.append((time[k], time[min(end, len(time) - 1)] - time[k]))
+    return found
+
+
+def test_who_is_held_while_assisted_pulls_back_shorter_than_ends_the_assistance(settings):
+    ride = held_ride(settings, (-1.5, 0.3, -0.3), ASSISTING)
+    found = pulls(ride)
+    assert len(found) >= 2
+    assert found[0][0] > settings.drive.stuck_time
+    assert all(0.5 < length < parameters.load("doorway_assistant").cancel.stick_time - 0.3 for _, length in found)
+    assert ride.column(4).max() > 0.1  # and pushes on in between
+
+
+def test_not_where_there_is_no_room_behind(settings):
+    rear = footprint.from_settings(settings.wheelchair).rear
+    for behind, pulled in ((0.05, False), (0.30, True)):  # m to the room's right wall
+        start = (-2.0, -2.5 + behind - rear, np.pi / 2.0)
+        assert bool(pulls(held_ride(settings, start, ASSISTING))) == pulled, behind
+
+
+def test_the_time_until_the_assistance_begins_does_not_count_as_held(settings):
+    ride = scene_ride(settings, start=(-2.0, 0.0, np.radians(40.0)), button=users.FACE_FIRST)
+    assert ride.run(20.0, until=lambda ride: ride.presses)
+    ride.run(3.0, state=DETECTING)
+    ride.run(2.0, state=ASSISTING)
+    assert ride.user.began and not pulls(ride)
+
+
+def test_who_cannot_turn_to_the_gap_backs_off_and_turns_there(settings):
+    ride = scene_ride(settings, start=(-2.0, 0.0, np.radians(40.0)), button=users.FACE_FIRST)
+    step = ride.limiter.step
+
+    def no_turn_yet(command, dt):
+        free = ride.local[0] < -2.1
+        return step(command if free else Twist(command.v, 0.0), dt)
+
+    ride.limiter.step = no_turn_yet
+    assert ride.run(12.0, until=lambda ride: ride.presses)
+    assert ride.local[0] < -2.1
+
+
 # ---- the others ----------------------------------------------------------------------------------------
 
 
