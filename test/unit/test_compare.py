@@ -59,7 +59,9 @@ def test_a_line_that_was_cut_off_counts_as_not_driven(tmp_path, cut):
 def test_what_other_code_made_is_driven_again(tmp_path):
     path = tmp_path / compare.STORE
     for seed, code in ((1, "another"), (2, None)):
-        line = {"key": compare.key_of(BASE, seed), "row": row(seed=seed), "code": code}
+        old = row(seed=seed)
+        del old["escape_m"]  # columns are added in the course of time
+        line = {"key": compare.key_of(BASE, seed), "row": old, "code": code}
         with open(str(path), "a") as stream:
             stream.write(json.dumps(line) + "\n")
     store = compare.Store(tmp_path)
@@ -72,7 +74,17 @@ def test_what_other_code_made_is_driven_again(tmp_path):
     store = compare.Store(tmp_path, keep_stale=True)
     assert len(store.rows) == 2
     assert store.rows[compare.key_of(BASE, 1)]["user_share_all"] == 0.7  # the newer of the two
+    assert store.rows[compare.key_of(BASE, 2)]["escape_m"] is None
     store.close()
+
+
+def test_the_table_tells_the_least_escape_of_all_standstills():
+    rows = [row(seed=1, outcome="standstill", escape_m=0.73), row(seed=2, outcome="standstill", escape_m=0.21)]
+    rows.append(row(seed=3))
+    line, = compare.table(rows)
+    assert line["least_escape_m"] == 0.21
+    assert compare.table([row(seed=3)])[0]["least_escape_m"] is None
+    assert "least escape [m]" in compare.report(rows)
 
 
 def test_two_runs_do_not_write_into_one_folder(tmp_path):

@@ -24,7 +24,7 @@ KEYS = ("policy", "planner", "user", "scene", "door_width", "door", "side", "see
 MEASURES = (
     "duration_s", "path_length_m", "min_clearance_m", "clearance_p05_m", "user_share_all", "user_share_approach",
     "user_share_doorway", "user_share_exit", "v_share", "beta", "disagreement", "effort", "reversals", "sparc",
-    "ldlj", "guard_active", "guard_stops",
+    "ldlj", "guard_active", "guard_stops", "escape_m",
 )
 COLUMNS = KEYS + ("outcome",) + MEASURES + ("reason",)
 STORE = "episodes.jsonl"
@@ -123,7 +123,7 @@ class Store:
             elif key not in rows or key in stale:
                 stale.add(key)
                 if self._keep_stale:
-                    rows[key] = row
+                    rows[key] = dict(dict.fromkeys(COLUMNS), **row)  # which may know fewer columns
         self.stale = len(stale)
         return rows
 
@@ -205,6 +205,7 @@ def table(rows, by=("policy",)):
             line[name] = statistics.mean_interval([row[name] for row in members], seeds)
         clearance = [row["min_clearance_m"] for row in members if row["min_clearance_m"] is not None]
         line["worst_clearance_m"] = min(clearance) if clearance else None
+        line["least_escape_m"] = min((row["escape_m"] for row in members if row["escape_m"] is not None), default=None)
         line["episodes_clearance_p05_m"] = float(np.percentile(clearance, 5)) if clearance else None
         lines.append(line)
     return lines
@@ -217,6 +218,7 @@ SAFETY = (
     ("least clearance [m]", "worst_clearance_m", "%.3f", 1.0),
     ("clearance, 5th pct. [m]", "episodes_clearance_p05_m", "%.3f", 1.0),
     ("guard active %", "guard_active", "%.1f", 100.0), ("guard stops", "guard_stops", "%.2f", 1.0),
+    ("least escape [m]", "least_escape_m", "%.2f", 1.0),
 )
 CONTROL = (
     ("share", "user_share_all", "%.3f", 1.0), ("approach", "user_share_approach", "%.3f", 1.0),
