@@ -79,6 +79,19 @@ def test_a_person_who_pulls_back_is_not_driven_ahead(name):
     assert max(drive.tick(user=Twist(0.2, 0.0)).command.v for _ in range(20)) > 0.05
 
 
+@pytest.mark.parametrize("title, walls, timeout, reason", [
+    ("without a path", box(0.9, 1.0, -2.9, 2.9), 0.0, "no way through"), ("held", door(0.90), 6.0, "no progress"),
+])
+def test_it_does_not_give_up_while_the_person_pulls_back(title, walls, timeout, reason):
+    """A fault would ask for a centred stick, and hold the chair just when the person leaves the dead end."""
+    for user, gives_up in ((Twist(0.1, 0.0), True), (Twist(-0.2, 0.0), False)):
+        drive = Drive(walls, (-1.5, 0.0, 0.0), SETTINGS.replace(oscillation_timeout=timeout), **HELD)
+        drive.navigator.set_goal((1.9, 0.0, 0.0), 0.0)
+        decisions = [drive.tick(user=user) for _ in range(300)]
+        assert (decisions[-1].status == ABORTED) == gives_up, title
+        assert not gives_up or reason in decisions[-1].reason
+
+
 def test_a_command_that_is_not_finite_is_nobody_s():
     assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0)), 1.0, user=Twist(-0.3, float("nan"))).max() > 0.1
 

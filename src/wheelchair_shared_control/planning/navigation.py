@@ -125,6 +125,9 @@ class Navigator:
             # as the blender takes it: within the chair's limits, and what is not finite is nobody's
             user = within_limits(user, self.settings.wheelchair.limits) if np.isfinite(user).all() else None
         self._pulled_back = user is not None and user.v < -PUSHING
+        if self._pulled_back:
+            # Who is on the way out of a dead end is not told that there is none: a fault would hold the chair.
+            self._since_legal = self._since_path = self._anchor = None
         if now < self._updated:
             self._clock_was_set_back()
         self._updated = now
