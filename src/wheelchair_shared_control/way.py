@@ -14,6 +14,7 @@ from wheelchair_shared_control.way_plan import MARGIN, Leg, crossing_line, plan,
 
 TRIES = 4  # to meet the axis anew; then the chair goes as it stands
 PAUSE = 0.5  # s: who has not pushed for so long begins anew
+PULL_ROOM = 0.15  # m: behind the chair, for as long as the stick is pulled back
 TOUCH = 0.012  # m: half a cell of the ground's grid; less room counts as a touch
 
 
@@ -32,7 +33,7 @@ class Way:
         self._late = settings.anticipation * settings.wheelchair.actuation.dead_time
         self._legs, self._turning, self._planned = [], False, False
         self._moved, self._moved_at, self._noted_at, self._turned_at = None, None, -np.inf, None
-        self._pulls_until = -np.inf
+        self._pulls_until = None
         self._backing, self._tries = False, 0
 
     @property
@@ -47,7 +48,6 @@ class Way:
         here = self._on_line(pose)
         if self._stuck(now):
             self._back_off(here)
-            self._planned = True
             return self.steer(now, pose, twist)
         self._note_motion(now, here, True)
         if self._ground is not None and abs(error) > 0.1:
@@ -65,6 +65,8 @@ class Way:
         """
         pose = self._on_line(pose)
         assisted = assistance_state == ASSISTING
+        if assisted and self._pulls_back(now, pose):
+            return Twist(-self.settings.drive.back, 0.0)
         if not self._planned or self._led_off(pose) or (assisted and self._legs and self._legs[0].reverse):
             self._legs, self._planned = self._plan(pose, not assisted), True
             self._begin_leg(pose)
@@ -76,17 +78,12 @@ class Way:
         if self._stuck(now):
             self._back_off(pose)
         command = self._with_care(pose, twist, self._follow(pose, twist))
-        self._note_motion(now, pose, pushed(command))
+        self._note_motion(now, pose, asks_for_motion(command))
         return command
 
     def _assisted(self, now, pose, twist):
-        if now < self._pulls_until:
-            return Twist(-self.settings.drive.back, 0.0)
-        if self._stuck(now) and self._room_behind(pose):
-            self._pulls_until, self._moved = now + self.settings.drive.pull_time, None
-            self._planned = False  # from there
         command = self._with_the_planner(now, pose, twist)
-        self._note_motion(now, pose, pushed(command))
+        self._note_motion(now, pose, asks_for_motion(command))
         return command
 
     def _with_the_planner(self, now, pose, twist):
@@ -229,12 +226,20 @@ class Way:
             leg = Leg(pose[:2].copy(), pose[:2] - max(behind, 0.05) * forward, reverse=True)
         else:
             leg = Leg(pose[:2].copy(), pose[:2] + ahead * forward)
-        self._legs, self._turning, self._backing = [leg], False, True
+        self._legs, self._planned, self._turning, self._backing = [leg], True, False, True
         self._moved = None
 
-    def _room_behind(self, pose):
-        """Whether there is enough of it to come again squarer."""
-        return self._free_run(pose, -np.array([np.cos(pose[2]), np.sin(pose[2])]), 0.2) >= 0.1
+    def _pulls_back(self, now, pose):
+        """Whether the stick is pulled back now: the chair is held although it is assisted, and has room behind."""
+        if self._pulls_until is None and self._stuck(now):
+            self._pulls_until = now + self.settings.drive.pull_time
+        if self._pulls_until is None:
+            return False
+        backward = -np.array([np.cos(pose[2]), np.sin(pose[2])])
+        if now < self._pulls_until and self._free_run(pose, backward, PULL_ROOM + 0.05) >= PULL_ROOM:
+            return True
+        self._pulls_until, self._moved, self._planned = None, None, False  # and on from where the chair stands now
+        return False
 
     def _free_run(self, pose, direction, length):
         """How far [m] the chair can be pushed along ``direction`` (2,), at most ``length``."""
@@ -246,10 +251,10 @@ class Way:
         blocked = (free < TOUCH) & (free < free[0])
         return float(steps[max(0, int(np.argmax(blocked)) - 1)]) if blocked.any() else length
 
-    def _note_motion(self, now, pose, pushed):
+    def _note_motion(self, now, pose, asked):
         if (
             self._moved is None
-            or not pushed
+            or not asked
             or now - self._noted_at > PAUSE
             or np.hypot(*(pose[:2] - self._moved[:2])) > 0.03
             or abs(float(se2.wrap_angle(pose[2] - self._moved[2]))) > 0.05
@@ -265,6 +270,6 @@ class Way:
         )
 
 
-def pushed(command):
+def asks_for_motion(command):
     """Whether the stick asks for a motion that must show within ``stuck_time``."""
     return abs(command.v) > 0.05 or abs(command.w) > 0.1

@@ -180,12 +180,12 @@ def held_ride(settings, start, state, seconds=12.0, scene="open", **rest):
 
 
 def pulls(ride):
-    """Length [s] of every stretch with the stick pulled back as far as ends the assistance, and when it began."""
+    """(begin, length) [s] of every stretch with the stick pulled back as far as ends the assistance."""
     limit = parameters.load("doorway_assistant").cancel.stick_back
     back, time, found = ride.column(4) <= -limit, ride.column(0), []
     for k in np.flatnonzero(back[1:] & ~back[:-1]) + 1:
-        end = k + int(np.argmin(back[k:])) if not back[k:].all() else len(back)
-        found.append((time[k], time[min(end, len(time) - 1)] - time[k]))
+        end = len(time) - 1 if back[k:].all() else k + int(np.argmin(back[k:]))
+        found.append((time[k], time[end] - time[k]))
     return found
 
 
@@ -203,6 +203,18 @@ def test_not_where_there_is_no_room_behind(settings):
     for behind, pulled in ((0.05, False), (0.30, True)):  # m to the room's right wall
         start = (-2.0, -2.5 + behind - rear, np.pi / 2.0)
         assert bool(pulls(held_ride(settings, start, ASSISTING))) == pulled, behind
+
+
+def test_the_pull_ends_before_a_wall_behind_and_the_way_is_planned_from_there(settings):
+    rear = footprint.from_settings(settings.wheelchair).rear
+    ride = scene_ride(settings, start=(-2.0, -2.5 + 0.25 - rear, np.pi / 2.0))
+    step = ride.limiter.step
+    ride.limiter.step = lambda command, dt: step(Twist(min(command.v, 0.0), 0.0), dt)
+    ride.run(8.0, state=ASSISTING)
+    assert pulls(ride)
+    assert ride.local[1] < -2.5 + 0.22 - rear
+    assert ride.clearance > 0.05
+    assert ride.user._way.legs[0].start == pytest.approx(ride.local[:2], abs=0.08)  # it rolls on a little
 
 
 def test_the_time_until_the_assistance_begins_does_not_count_as_held(settings):
