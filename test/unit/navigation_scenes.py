@@ -60,10 +60,10 @@ class Drive:
         self._lag = settings.wheelchair.actuation.lag
         self.decisions, self.poses = [], []
 
-    def tick(self, user_v=None, stamp=None):
+    def tick(self, user=None, stamp=None):
         """One control cycle; returns its Decision."""
         seen = self._seen._replace(stamp=self.now if stamp is None else stamp)
-        decision = self.navigator.update(self.now, Odometry(self.now, self.pose.copy(), self.twist), seen, user_v)
+        decision = self.navigator.update(self.now, Odometry(self.now, self.pose.copy(), self.twist), seen, user)
         command = decision.command or (0.0, 0.0)
         v, w = self.twist
         for _ in range(5):

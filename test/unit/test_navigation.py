@@ -157,7 +157,7 @@ def test_while_a_person_pushes_forward_the_chair_never_reverses():
     drive = Drive(box(0.9, 1.0, -2.0, 2.0), (0.0, 0.0, 0.0))
     drive.navigator.set_goal((-1.0, 0.0, 0.0), 0.0)
     for _ in range(60):
-        drive.tick(user_v=0.3)
+        drive.tick(user=Twist(0.3, 0.0))
     assert min(d.command.v for d in drive.decisions) >= 0.0
 
 

@@ -7,6 +7,7 @@ from wheelchair_shared_control import footprint as footprints
 from wheelchair_shared_control.planning import clearance, planners
 from wheelchair_shared_control.planning.navigation import ABORTED, ACTIVE
 from wheelchair_shared_control.planning.planner import Planner
+from wheelchair_shared_control.values import STOP, Twist
 
 FREE = np.empty((0, 2))
 HELD = dict(share=0.0)
@@ -52,8 +53,8 @@ def test_a_chair_that_moves_is_not_held():
 
 
 def test_with_a_person_at_the_stick_it_does_not_back_off():
-    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user_v=0.3).min() >= 0.0
-    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user_v=0.0).min() >= 0.0
+    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user=Twist(0.3, 0.0)).min() >= 0.0
+    assert speeds(Drive(door(0.90), (-1.5, 0.0, 0.0), **HELD), 4.0, user=STOP).min() >= 0.0
 
 
 @pytest.mark.parametrize("name", sorted(planners.TABLE))
@@ -63,7 +64,7 @@ def test_a_person_who_pulls_back_is_not_driven_ahead(name):
     drive.navigator = planners.make(SETTINGS, name)
     assert speeds(drive, 1.5).max() > 0.1
     for pull, ahead in ((-0.05, False), (-0.3, False), (-0.045, True), (0.2, True)):
-        commands = [drive.tick(user_v=pull).command for _ in range(20)]
+        commands = [drive.tick(user=Twist(pull, 0.0)).command for _ in range(20)]
         assert (max(command.v for command in commands) > 0.03) == ahead, pull
         if not ahead:
             assert all(command.w == 0.0 for command in commands if command.v == 0.0), pull
@@ -84,18 +85,39 @@ def test_it_does_not_give_up_while_the_person_pulls_back(title, walls, timeout, 
         legal = drive.navigator.commands.legal
         drive.navigator.commands.legal = lambda *given: (None,) + legal(*given)[1:]
     drive.navigator.set_goal((1.9, 0.0, 0.0), 0.0)
-    assert drive.tick(user_v=0.1).status == ACTIVE
+    assert drive.tick(user=Twist(0.1, 0.0)).status == ACTIVE
     for _ in range(400):
-        assert drive.tick(user_v=-0.2).status == ACTIVE
+        assert drive.tick(user=Twist(-0.2, 0.0)).status == ACTIVE
     # the pull interrupts the patience, and does not renew it
     pushed = 0
     while drive.navigator.status == ACTIVE and pushed < 400:
-        drive.tick(user_v=0.1)
+        drive.tick(user=Twist(0.1, 0.0))
         pushed += 1
         if pushed % 20 == 0:
             for _ in range(20):
-                drive.tick(user_v=-0.2)
+                drive.tick(user=Twist(-0.2, 0.0))
     assert drive.navigator.status == ABORTED and reason in drive.navigator.reason
+
+
+RESTS = [
+    ("at rest", Twist(0.01, 0.015), True), ("pushed a little", Twist(0.025, 0.0), False),
+    ("turned to the right a little", Twist(0.0, -0.025), False), ("not finite", Twist(0.0, float("nan")), False),
+]
+
+
+@pytest.mark.parametrize("title, user, rests", RESTS, ids=[row[0] for row in RESTS])
+def test_a_chair_that_its_person_holds_need_not_progress(title, user, rests):
+    drive = Drive(door(0.90), (-1.5, 0.0, 0.0), SETTINGS.replace(oscillation_timeout=4.0), **HELD)
+    drive.navigator.set_goal((1.5, 0.0, 0.0), 0.0)
+    for _ in range(100):
+        drive.tick(user=user)
+    assert (drive.navigator.status == ACTIVE) == rests
+    if rests:  # and has its time anew once the stick is pushed again
+        for _ in range(70):
+            assert drive.tick(user=Twist(0.2, 0.0)).status == ACTIVE
+        for _ in range(20):
+            drive.tick(user=Twist(0.2, 0.0))
+        assert "no progress" in drive.navigator.reason
 
 
 def test_it_backs_off_over_seen_ground_only():
@@ -104,15 +126,15 @@ def test_it_backs_off_over_seen_ground_only():
     assert speeds(drive, 4.0).min() >= 0.0
 
 
-LOOKS = [("nobody at the stick", None, True), ("pushing", 0.3, True), ("a stick at rest", 0.0, False)]
+LOOKS = [("nobody at the stick", None, True), ("pushing", Twist(0.3, 0.0), True), ("a stick at rest", STOP, False)]
 
 
-@pytest.mark.parametrize("title, user_v, ends", LOOKS, ids=[row[0] for row in LOOKS])
-def test_a_look_that_is_held_ends_unless_the_stick_is_at_rest(title, user_v, ends):
+@pytest.mark.parametrize("title, user, ends", LOOKS, ids=[row[0] for row in LOOKS])
+def test_a_look_that_is_held_ends_unless_the_stick_is_at_rest(title, user, ends):
     drive = Drive(FREE, (0.0, 0.0, 0.0), **HELD)
     drive._seen = snapshot(FREE, drive.pose, 0.0, known=False)
     drive.navigator.set_goal((0.5, 2.5, 1.5), 0.0)
-    looks = [drive.tick(user_v=user_v).reason == "looks towards the goal" for _ in range(60)]
+    looks = [drive.tick(user=user).reason == "looks towards the goal" for _ in range(60)]
     assert looks[0] and looks[30]
     assert looks[-1] != ends
 

@@ -115,7 +115,7 @@ def control_cycle(drive):
                 navigator.set_goal(goal, drive.odometry[k].stamp)
             state["previous"] = k
             now = drive.odometry[k].stamp
-            navigator.update(now, drive.odometry[k], drive.snapshots[k]._replace(stamp=now), user_v=0.3)
+            navigator.update(now, drive.odometry[k], drive.snapshots[k]._replace(stamp=now), user=Twist(0.3, 0.0))
 
         return cycle
 

@@ -249,8 +249,8 @@ class Graph:
             self._doorways = (true_doorway.in_odom(self.door, truth, self._odometry.pose, now),)
 
     def _plan(self, now):
-        user_v = None if self._planner_alone else self._user_command.v
-        self._decision = self._navigator.update(now, self._odometry, self._snapshot, user_v)
+        user = None if self._planner_alone else self._user_command
+        self._decision = self._navigator.update(now, self._odometry, self._snapshot, user)
         if self._decision.recovery:
             self._costmap.clear_outside(self.settings.navigation.recovery_radius)
         if self._decision.command is not None:

@@ -25,9 +25,9 @@ CLEAR = 0.5  # m: more room than this is not better
 class Bezier(Navigator):
     """Follows the best free curve; goals, ages, arrival and giving up are the navigator's."""
 
-    def _drive(self, now, odometry, field, user_v, candidates):
+    def _drive(self, now, odometry, field, user, candidates):
         own = self.settings.bezier
-        acting, anchor = self.commands.predict(now, odometry, user_v)
+        acting, anchor = self.commands.predict(now, odometry, user)
         door = se2.compose(self.goal, np.array([-own.door_before_goal, 0.0, 0.0]))
         passes = se2.compose(se2.inverse(door), anchor)[0] > -own.hand_over
         target = self.goal if passes else door

@@ -52,7 +52,7 @@ class Commands:
         """Whether the chair was told last to move."""
         return bool(self._sent) and (abs(self._sent[-1][1]) > 0.02 or abs(self._sent[-1][2]) > 0.05)
 
-    def predict(self, now, odometry, user_v):
+    def predict(self, now, odometry, user):
         """State (5,) at which a command sent now begins to act, and the pose (3,) at which it is felt."""
         plant, dt = self.plant, 0.02
         state = np.concatenate((odometry.pose, odometry.twist)).astype(np.float64)
@@ -67,11 +67,11 @@ class Commands:
                 k += 1
             targets[i] = sent[k - 1][1:] if k else state[3:]
         last = np.array(sent[-1][1:]) if sent else state[3:].copy()
-        if user_v is not None:
+        if user is not None:
             # Half of it is the person's: what is measured tells more than what was sent.
-            targets[:, 0] = 0.5 * (targets[:, 0] + user_v)
+            targets[:, 0] = 0.5 * (targets[:, 0] + user.v)
             targets[:, 1] = 0.5 * (targets[:, 1] + state[4])
-            last = np.array([0.5 * (last[0] + user_v), 0.5 * (last[1] + state[4])])
+            last = np.array([0.5 * (last[0] + user.v), 0.5 * (last[1] + state[4])])
         acting = following.predict(state, targets, plant.lag, plant.acceleration, plant.turn_acceleration, dt)
         felt = int(round(plant.lag / dt))
         anchor = following.predict(acting, np.tile(last, (felt, 1)), plant.lag, plant.acceleration,

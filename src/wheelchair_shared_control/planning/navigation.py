@@ -9,6 +9,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 
 from wheelchair_shared_control import se2
+from wheelchair_shared_control.limiter import within_limits
 from wheelchair_shared_control.planning import clearance
 from wheelchair_shared_control.planning.commands import Candidates, Commands
 from wheelchair_shared_control.planning.holding import Hold, way_back
@@ -18,6 +19,7 @@ from wheelchair_shared_control.values import STOP, Twist
 
 IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person drives forward; so far the other way the person pulls back
+AT_REST = 0.02  # m/s, rad/s: less of both is a stick at rest, which holds the chair in the blender
 BACK_TIMES = 4  # how often for one goal
 FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
 TURNING = 0.6  # rad/s: mean rate of a turn on the spot
@@ -39,6 +41,11 @@ class Decision(NamedTuple):
     local_plan: np.ndarray = EMPTY
     recovery: bool = False
     candidates: Optional[Candidates] = None
+
+
+def may_reverse(user):
+    """Whether the planner may drive back: nobody pushes forward (``user``: Twist, or None where nobody drives)."""
+    return user is None or user.v <= PUSHING
 
 
 class Navigator:
@@ -102,19 +109,20 @@ class Navigator:
         return EMPTY if path is None else path.poses
 
     # --- one cycle ---------------------------------------------------------------------------------------
-    def update(self, now, odometry, snapshot, user_v=None, candidates=False):
+    def update(self, now, odometry, snapshot, user=None, candidates=False):
         """Decision of one control cycle.
 
-        ``odometry``: values.Odometry or None; ``snapshot``: CostmapSnapshot or None; ``user_v`` [m/s]: the person's
-        forward command, None where no person drives: then, and while the person does not push forward, the chair may
-        reverse; while the person pulls back, nothing drives it ahead, and nothing is given up. ``candidates``: keep
-        the trajectories that were looked at.
+        ``odometry``: values.Odometry or None; ``snapshot``: CostmapSnapshot or None; ``user``: the person's command, a
+        Twist, None where no person drives: then, and while the person does not push forward, the chair may reverse;
+        while the person pulls back, nothing drives it ahead, and nothing is given up. ``candidates``: keep the
+        trajectories that were looked at.
         """
-        if user_v is not None:
+        if user is not None:
             # as the blender takes it: within the chair's limits, and what is not finite is nobody's
-            limit = self.settings.wheelchair.limits.speed
-            user_v = min(max(user_v, -limit), limit) if np.isfinite(user_v) else None
-        self._pulled_back = user_v is not None and user_v <= -PUSHING
+            user = within_limits(user, self.settings.wheelchair.limits) if np.isfinite(user).all() else None
+        self._pulled_back = user is not None and user.v <= -PUSHING
+        if user is not None and max(abs(user.v), abs(user.w)) < AT_REST:
+            self._anchor = None  # a chair that is held by its person need not progress
         if now < self._updated:
             self._clock_was_set_back()
         elif self._pulled_back:
@@ -137,7 +145,7 @@ class Navigator:
         if self._oscillates(now, odometry):
             return self._abort("no progress of %.2f m within %.0f s" % (
                 self.settings.oscillation_distance, self.settings.oscillation_timeout))
-        return self._drive(now, odometry, field, user_v, candidates)
+        return self._drive(now, odometry, field, user, candidates)
 
     def _clock_was_set_back(self):
         """Begin anew with the same goal: what waits for a time, or was told at one, would wait too long."""
@@ -159,22 +167,21 @@ class Navigator:
         if self._anchor is not None:
             self._anchor = self._anchor[0], self._anchor[1] + pause
 
-    def _drive(self, now, odometry, field, user_v, candidates):
+    def _drive(self, now, odometry, field, user, candidates):
         """Decision towards a goal that is not reached, over a costmap that is fresh: what a rival planner replaces.
 
         ``field``: clearance.Field that reaches to the goal; the rest as in ``update``.
         """
         # What a person pushes on, half of it, the chair keeps driving where the path turns on the spot.
-        self._path.turn_radius = 0.0 if user_v is None else 0.5 * max(user_v, 0.0) / TURNING
-        acting, anchor = self.commands.predict(now, odometry, user_v)
+        self._path.turn_radius = 0.0 if user is None else 0.5 * max(user.v, 0.0) / TURNING
+        acting, anchor = self.commands.predict(now, odometry, user)
         moving = -1 if abs(acting[3]) < 0.1 else (0 if acting[3] > 0.0 else 1)
         if self._looks:
-            look = self._look(now, odometry, field, acting, anchor, moving, user_v)
+            look = self._look(now, odometry, field, acting, anchor, moving, user)
             if look is not None:
                 return look
-        self._back_off(now, odometry, field, anchor, user_v)
-        allow_reverse = user_v is None or user_v <= PUSHING
-        path, reason = self._path.update(now, field, anchor, self.goal, allow_reverse, moving)
+        self._back_off(now, odometry, field, anchor, user)
+        path, reason = self._path.update(now, field, anchor, self.goal, may_reverse(user), moving)
         if path is None:
             return self._without_path(now, reason)
         self._since_path = None
@@ -264,7 +271,7 @@ class Navigator:
         return self._stop(now, reason, recovery=True, **plans)
 
     # --- looking -----------------------------------------------------------------------------------------
-    def _look(self, now, odometry, field, acting, anchor, moving, user_v):
+    def _look(self, now, odometry, field, acting, anchor, moving, user):
         """Decision to turn on the spot towards the goal while the ground before it was not seen; else None.
 
         The camera sees 57 degrees: a path through ground that it has not seen would be found anew all the time.
@@ -282,7 +289,7 @@ class Navigator:
         soon = anchor + np.outer((0.1, 0.2), (0.0, 0.0, np.sign(turn)))
         room = self.planner.clearance(field, np.vstack((anchor, soon)))
         if np.any(room[1:] < min(self.settings.planner.turn_clearance, room[0])) or self._held(
-                now, odometry, user_v is None or user_v > PUSHING):
+                now, odometry, user is None or user.v > PUSHING):
             self._looks = False
             return None
         still = self.planner.still(field, acting[:3])
@@ -293,12 +300,12 @@ class Navigator:
         return self._send(now, legal[0], "looks towards the goal", local_plan=legal[1][0])
 
     # --- backing off -------------------------------------------------------------------------------------
-    def _back_off(self, now, odometry, field, anchor, user_v):
+    def _back_off(self, now, odometry, field, anchor, user):
         """Begin a way back where the chair stands although it is told to move, or finds nothing to tell it.
 
         Nothing while a person drives.
         """
-        held = self._held(now, odometry, user_v is None)
+        held = self._held(now, odometry, user is None)
         if not held or self.settings.planner.min_vel_x >= 0.0 or self._backs >= BACK_TIMES:
             return
         self._hold.forget()

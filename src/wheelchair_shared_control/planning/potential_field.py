@@ -20,7 +20,7 @@ import numpy as np
 
 from wheelchair_shared_control import se2
 from wheelchair_shared_control.planning import clearance
-from wheelchair_shared_control.planning.navigation import PUSHING, Navigator
+from wheelchair_shared_control.planning.navigation import Navigator, may_reverse
 
 SHOWN = np.linspace(0.0, 1.0, 6)  # s of the command, as the local plan
 
@@ -35,13 +35,12 @@ class PotentialField(Navigator):
         self._points = np.array(sides + [(box.front, 0.0)])
         self._levers = self._points[:, 0] / box.front
 
-    def _drive(self, now, odometry, field, user_v, candidates):
+    def _drive(self, now, odometry, field, user, candidates):
         own = self.settings.potential_field
         along, across = self.push(field, odometry.pose)
         v = min(own.speed_gain * along, self.commands.v_max)
         if v < 0.0:
-            reverses = user_v is None or user_v <= PUSHING
-            v = max(v, self.settings.planner.min_vel_x) if reverses else 0.0
+            v = max(v, self.settings.planner.min_vel_x) if may_reverse(user) else 0.0
         w = min(max(own.turn_gain * across, -self.commands.w_max), self.commands.w_max)
         command = self.commands.limited(v, w)
         ahead = se2.integrate(odometry.pose, command.v, command.w, SHOWN)

@@ -46,10 +46,10 @@ def free_ground(snapshot):
 
 def drive(navigator, snapshot, now):
     """Search, refine and follow: ahead past a bend, with and without a person who pushes, and backwards."""
-    for goal, user_v in (((1.5, 0.6, 0.5), None), ((1.5, 0.3, 0.0), 0.2), ((-0.8, 0.1, 0.0), None)):
+    for goal, user in (((1.5, 0.6, 0.5), None), ((1.5, 0.3, 0.0), Twist(0.2, 0.0)), ((-0.8, 0.1, 0.0), None)):
         navigator.set_goal(goal, now)
         for k in range(30):
             pose = np.array([0.01 * k, 0.0, 0.02])
             odometry = Odometry(now, pose, Twist(0.2, 0.1))
-            navigator.update(now, odometry, snapshot._replace(stamp=now), user_v=user_v, candidates=k == 0)
+            navigator.update(now, odometry, snapshot._replace(stamp=now), user=user, candidates=k == 0)
             now += 0.05
