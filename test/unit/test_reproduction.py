@@ -151,3 +151,11 @@ def test_models_of_fewer_demonstrations_can_be_loaded_again(tmp_path):
         training = TaskModel.load(models[number]).training
         assert len(training.provenance["bags"]) == 4 * number
         assert [entry["samples"] for entry in training.provenance["bags"]] == list(np.bincount(training.bag_index))
+
+
+@pytest.mark.parametrize("value, low, high, expected", [
+    (0.05, 0.03, 0.07, claims.HOLDS), (0.003, 0.001, 0.005, claims.FAILS), (-0.02, -0.04, -0.01, claims.FAILS),
+    (0.01, 0.005, 0.02, claims.UNDECIDED),
+])
+def test_a_range_that_hardly_narrows_does_not_count_as_narrowing(value, low, high, expected):
+    assert claims.narrowing(0.2, 0.2 - value, value, low, high).verdict == expected
