@@ -45,7 +45,7 @@ def facing_away(doorway, pose):
 
 
 def choose(doorways, pose, user, settings, chair):
-    """The doorway that the chair faces and the stick points at (design, section 2).
+    """The doorway that the chair faces and the stick points at.
 
     ``settings`` is ``doorway_assistant``'s, ``chair`` the footprint. The cost of a doorway is its bearing,
     plus its angle to the stick's direction (a stick at rest says nothing), plus a little for its distance.

@@ -12,7 +12,7 @@ from wheelchair_shared_control import bags, conversions, replayed_costmap, task_
 from wheelchair_shared_control.bags import BagError
 from wheelchair_shared_control.values import Twist
 
-# name on the command line -> topic, as in the design's graph. Rangers: a prefix.
+# name on the command line -> topic. Rangers: a prefix.
 TOPICS = {
     "features": "blender/state",
     "odom": "odom",

@@ -1,4 +1,4 @@
-"""Simulated users: from what a person sees to the stick and the button (design, section 5).
+"""Simulated users: from what a person sees to the stick and the button.
 
 A user is a list of steps (behaviour, until when) and a hand; the named ones are rows of ``SCRIPTS``, others come
 from a YAML file. ``make`` gives a ``User``; ``User.update`` is asked about 20 times a second.
@@ -61,7 +61,7 @@ def _hard(sign):
     return script
 
 
-# name -> settings -> steps; the names are those of the design, section 5
+# name on the command line -> settings -> steps
 SCRIPTS = {
     "goal_directed": lambda settings: [Step("goal_directed")],
     "hard_left": _hard(1.0),
@@ -239,7 +239,7 @@ HANDS = {"tremor": Tremor, "switch": Switches}
 
 
 class AskForHelp:
-    """The button: turn until the gap's middle is ahead, stand, press X, wait for the answer (design, section 5)."""
+    """The button: turn until the gap's middle is ahead, stand, press X, wait for the answer."""
 
     def __init__(self, settings, button):
         self._settings, self._button = settings, button

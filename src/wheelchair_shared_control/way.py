@@ -43,12 +43,14 @@ class Way:
 
     def turn_to(self, now, pose, twist, error):
         """Stick that turns the chair by ``error`` [rad] on the spot; along the way first where walls forbid that."""
-        if self._backing and self._legs:
-            return self.steer(now, pose, twist)
         here = self._on_line(pose)
         if self._stuck(now):
             self._back_off(here)
-            return self.steer(now, pose, twist)
+        if self._backing and self._legs:
+            command = self.steer(now, pose, twist)
+            if command != STOP:
+                return command
+            self._legs, self._planned, self._backing = [], False, False  # no room for that either
         self._note_motion(now, here, True)
         if self._ground is not None and abs(error) > 0.1:
             yaws = here[2] + np.linspace(0.0, error, 2 + int(abs(error) / 0.1))
@@ -238,7 +240,8 @@ class Way:
         backward = -np.array([np.cos(pose[2]), np.sin(pose[2])])
         if now < self._pulls_until and self._free_run(pose, backward, PULL_ROOM + 0.05) >= PULL_ROOM:
             return True
-        self._pulls_until, self._moved, self._planned = None, None, False  # and on from where the chair stands now
+        # On along the same way: a new one might begin behind the chair, which may not go back while it is assisted.
+        self._pulls_until = self._moved = self._turned_at = None
         return False
 
     def _free_run(self, pose, direction, length):

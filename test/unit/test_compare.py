@@ -59,9 +59,7 @@ def test_a_line_that_was_cut_off_counts_as_not_driven(tmp_path, cut):
 def test_what_other_code_made_is_driven_again(tmp_path):
     path = tmp_path / compare.STORE
     for seed, code in ((1, "another"), (2, None)):
-        old = row(seed=seed)
-        del old["escape_m"]  # columns are added in the course of time
-        line = {"key": compare.key_of(BASE, seed), "row": old, "code": code}
+        line = {"key": compare.key_of(BASE, seed), "row": row(seed=seed), "code": code}
         with open(str(path), "a") as stream:
             stream.write(json.dumps(line) + "\n")
     store = compare.Store(tmp_path)
@@ -74,8 +72,20 @@ def test_what_other_code_made_is_driven_again(tmp_path):
     store = compare.Store(tmp_path, keep_stale=True)
     assert len(store.rows) == 2
     assert store.rows[compare.key_of(BASE, 1)]["user_share_all"] == 0.7  # the newer of the two
-    assert store.rows[compare.key_of(BASE, 2)]["escape_m"] is None
     store.close()
+
+
+@pytest.mark.parametrize("code", ["another", code_version.digest()])
+def test_a_row_from_before_a_column_was_added_lacks_that_value_only(tmp_path, code):
+    old = row(share=0.7)
+    del old["escape_m"]
+    line = {"key": compare.key_of(BASE, 1), "row": old, "code": code}
+    (tmp_path / compare.STORE).write_text(json.dumps(line) + "\n")
+    store = compare.Store(tmp_path, keep_stale=True)
+    found, = store.rows.values()
+    store.close()
+    assert (found["escape_m"], found["user_share_all"]) == (None, 0.7)
+    assert "0.7" in compare.to_csv([found])
 
 
 def test_the_table_tells_the_least_escape_of_all_standstills():

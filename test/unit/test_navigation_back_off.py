@@ -70,6 +70,25 @@ def test_a_person_who_pulls_back_is_not_driven_ahead(name):
             assert all(command.w == 0.0 for command in commands if command.v == 0.0), pull
 
 
+def test_who_pulls_back_is_still_turned_on_the_spot_where_the_path_turns():
+    # a corridor across the chair's way, and the goal in it: as in test_turns_keep_more_distance_than_passages
+    drive = Drive(np.concatenate((box(0.84, 0.94, -3.0, 3.0), box(-1.5, -1.4, -3.0, 3.0))), (0.0, 0.0, 0.0),
+                  SETTINGS.replace(**{"planner/min_vel_x": 0.0}), **HELD)
+    drive.navigator.set_goal((0.0, 1.5, np.pi / 2.0), 0.0)
+    commands = [drive.tick(user=Twist(-0.1, 0.0)).command for _ in range(40)]
+    assert max(command.v for command in commands) <= 0.0
+    assert max(abs(command.w) for command in commands if command.v == 0.0) > 0.1
+
+
+def test_after_the_pull_the_chair_starts_from_standstill():
+    drive = Drive(door(0.90), (-1.5, 0.0, 0.0))
+    assert speeds(drive, 2.0).max() > 0.2
+    for _ in range(20):
+        assert drive.tick(user=Twist(-0.2, 0.0)).reason == "the person pulls back"
+    limits = SETTINGS.wheelchair.limits
+    assert 0.0 < drive.tick(user=Twist(0.2, 0.0)).command.v <= limits.acceleration * 0.05 + 1e-9
+
+
 DEAD_ENDS = [
     ("without a path", box(0.9, 1.0, -2.9, 2.9), 0.0, "no way through"),
     ("held", door(0.90), 6.0, "no progress"),
@@ -112,12 +131,15 @@ def test_a_chair_that_its_person_holds_need_not_progress(title, user, rests):
     for _ in range(100):
         drive.tick(user=user)
     assert (drive.navigator.status == ACTIVE) == rests
-    if rests:  # and has its time anew once the stick is pushed again
-        for _ in range(70):
-            assert drive.tick(user=Twist(0.2, 0.0)).status == ACTIVE
-        for _ in range(20):
-            drive.tick(user=Twist(0.2, 0.0))
-        assert "no progress" in drive.navigator.reason
+    if not rests:
+        return
+    pushed = 0
+    while drive.navigator.status == ACTIVE and pushed < 200:  # a rest in between does not begin the time anew
+        for user in (Twist(0.2, 0.0),) * 19 + (STOP,):
+            drive.tick(user=user)
+        pushed += 19
+    assert "no progress" in drive.navigator.reason
+    assert 75 < pushed < 105  # 4 s of pushing
 
 
 def test_it_backs_off_over_seen_ground_only():

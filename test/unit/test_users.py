@@ -205,7 +205,7 @@ def test_not_where_there_is_no_room_behind(settings):
         assert bool(pulls(held_ride(settings, start, ASSISTING))) == pulled, behind
 
 
-def test_the_pull_ends_before_a_wall_behind_and_the_way_is_planned_from_there(settings):
+def test_the_pull_ends_before_a_wall_behind(settings):
     rear = footprint.from_settings(settings.wheelchair).rear
     ride = scene_ride(settings, start=(-2.0, -2.5 + 0.25 - rear, np.pi / 2.0))
     step = ride.limiter.step
@@ -214,7 +214,40 @@ def test_the_pull_ends_before_a_wall_behind_and_the_way_is_planned_from_there(se
     assert pulls(ride)
     assert ride.local[1] < -2.5 + 0.22 - rear
     assert ride.clearance > 0.05
-    assert ride.user._way.legs[0].start == pytest.approx(ride.local[:2], abs=0.08)  # it rolls on a little
+
+
+@pytest.mark.parametrize("y, yaw", [(0.05, 0.1), (0.05, -0.1), (0.0, 0.2), (-0.1, 0.0)])
+def test_after_the_pull_the_person_goes_on_through_the_door(settings, y, yaw):
+    """Held with the front in the door, where a way planned anew might begin behind the chair."""
+    ride = scene_ride(settings, start=(-0.78, y, yaw))
+    step = ride.limiter.step
+    # ahead it is held until it has come back a little; the other half of the stick is a planner's that sends nothing
+    ride.limiter.step = lambda command, dt: step(
+        Twist(0.5 * (command.v if held.back else min(command.v, 0.0)), command.w if held.back else 0.0), dt)
+    held = Held()
+    ride.run(20.0, state=ASSISTING, until=lambda ride: held.see(ride.local[0] < -0.86) or crossed(ride))
+    assert held.back and pulls(ride)
+    assert np.abs(ride.column(3)).max() < 0.6
+    assert crossed(ride)
+
+
+class Held:
+    """Whether something has ever been seen."""
+
+    back = False
+
+    def see(self, now):
+        self.back = self.back or now
+        return False
+
+
+def test_who_was_turning_when_held_turns_on_the_spot_again_after_the_pull(settings):
+    ride = scene_ride(settings, start=(-2.4, 0.8, 1.2))
+    ride.limiter.step = lambda command, dt: STOP
+    ride.run(3.0, state=ASSISTING)
+    assert ride.command.v < -0.1  # pulled
+    ride.run(2.0, state=ASSISTING)
+    assert abs(ride.command.v) < 0.05 and abs(ride.command.w) > 0.3
 
 
 def test_the_time_until_the_assistance_begins_does_not_count_as_held(settings):

@@ -1,7 +1,8 @@
 """What the paper claims, and whether it holds here: each claim with its measure and its interval.
 
 A difference counts as reproduced where its paired bootstrap interval lies wholly on the claimed side, as not
-reproduced where it lies wholly on the other, as undecided where it holds zero or comes of too few pairs.
+reproduced where it lies wholly on the other, as undecided where it holds zero or comes of too few pairs. Where a claim
+says so ("here: by at least ..."), the size that counts stands in the place of zero.
 """
 from typing import NamedTuple
 

@@ -117,13 +117,14 @@ class Store:
                 key, row, code = entry["key"], entry["row"], entry.get("code")
             except (ValueError, KeyError, TypeError):
                 raise CompareError("%s: line %d is no finished episode" % (self.path, number))
+            row = dict(dict.fromkeys(COLUMNS), **row)  # columns are added in the course of time
             if code == code_version.digest():
                 stale.discard(key)
                 rows[key] = row
             elif key not in rows or key in stale:
                 stale.add(key)
                 if self._keep_stale:
-                    rows[key] = dict(dict.fromkeys(COLUMNS), **row)  # which may know fewer columns
+                    rows[key] = row
         self.stale = len(stale)
         return rows
 

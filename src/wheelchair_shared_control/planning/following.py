@@ -1,6 +1,6 @@
 """Following a path of steps: where the chair will be when a command acts, how fast it may go, which command is safe.
 
-The plant is the design's: a command acts after the dead time and is approached with a first-order lag, within the
+The plant: a command acts after the dead time and is approached with a first-order lag, within the
 acceleration limits. A command is legal if the chair, driving it for one cycle and then braking, never comes closer
 to a lethal cell than the limit, or than it stands already.
 """

@@ -19,7 +19,7 @@ from wheelchair_shared_control.values import STOP, Twist
 
 IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person drives forward; so far the other way the person pulls back
-AT_REST = 0.02  # m/s, rad/s: less of both is a stick at rest, which holds the chair in the blender
+AT_REST = 0.02  # m/s, rad/s: less of both is a stick at rest (as the blender's stick/dead_zone_*), which holds the chair
 BACK_TIMES = 4  # how often for one goal
 FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
 TURNING = 0.6  # rad/s: mean rate of a turn on the spot
@@ -121,12 +121,12 @@ class Navigator:
             # as the blender takes it: within the chair's limits, and what is not finite is nobody's
             user = within_limits(user, self.settings.wheelchair.limits) if np.isfinite(user).all() else None
         self._pulled_back = user is not None and user.v <= -PUSHING
-        if user is not None and max(abs(user.v), abs(user.w)) < AT_REST:
-            self._anchor = None  # a chair that is held by its person need not progress
         if now < self._updated:
             self._clock_was_set_back()
         elif self._pulled_back:
             self._wait_with_patience(now - self._updated)
+        elif user is not None and max(abs(user.v), abs(user.w)) < AT_REST:
+            self._expect_no_progress(now - self._updated)
         self._updated = now
         if self.status != ACTIVE:
             command = STOP if self._zero_due else None
@@ -164,6 +164,10 @@ class Navigator:
             self._since_legal += pause
         if self._since_path is not None:
             self._since_path += pause
+        self._expect_no_progress(pause)
+
+    def _expect_no_progress(self, pause):
+        """The last ``pause`` [s] do not count as without progress: the person wanted none."""
         if self._anchor is not None:
             self._anchor = self._anchor[0], self._anchor[1] + pause
 
