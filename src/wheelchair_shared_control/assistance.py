@@ -1,7 +1,7 @@
 """The assistance's states: the person asks, a doorway is latched, the chair is handed back.
 
 MANUAL -> DETECTING (button) -> ASSISTING (doorway and room behind it) -> ARRIVED, or back to MANUAL (nothing
-found, no room, cancelled), or FAULT (planner, prediction). ``transition`` rules: design, section 2.
+found, no room, cancelled), or FAULT (planner, prediction). What ends it: ``Assistance._assisting``.
 """
 from typing import NamedTuple, Optional, Tuple
 

@@ -85,7 +85,7 @@ def choose(doorways, pose, user, settings, chair):
 
 
 def free_goal(door_pose, grid, chair, settings):
-    """Goal pose (3,) behind a door, None where there is no room (design, table of section 1, row III).
+    """Goal pose (3,) behind a door, None where there is no room (paper, section III: 1 m inside).
 
     The pose 1 m beyond the plane; where the footprint meets a lethal cell there, the nearest free one
     0.50-1.00 m beyond, up to 0.20 m beside the normal and 15 degrees off it. Unknown cells do not count as

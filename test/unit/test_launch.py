@@ -1,6 +1,7 @@
 """Launch files: they parse, and what they give to each node passes that node's own check."""
 import itertools
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -150,6 +151,26 @@ def test_a_chair_has_no_simulator_and_its_topics_are_arguments():
         assert remaps["move_base/local_costmap/costmap" + suffix] == "map" + suffix
     # The planner never reaches the base by itself.
     assert dict(nodes["move_base"].remap_args)["cmd_vel"] == "planner/cmd_vel"
+
+
+def test_a_chair_without_rangers_says_so_once():
+    checked = settings("demo.launch", "rangers:=false")
+    assert not checked["blender"].rangers
+    assert checked["move_base"].local_costmap.observation_sources == "camera"
+    checked = settings("demo.launch")
+    assert checked["blender"].rangers
+    assert "rangers" in checked["move_base"].local_costmap.observation_sources
+
+
+def test_a_folder_of_one_s_own_configuration_takes_the_place_of_ours(tmp_path):
+    shutil.copytree(str(ROOT / "config"), str(tmp_path / "config"))
+    for name, before, after in (("wheelchair.yaml", "width: 0.65", "width: 0.60"), ("blender.yaml", "rate: 30", "rate: 40")):
+        path = tmp_path / "config" / name
+        assert before in path.read_text()
+        path.write_text(path.read_text().replace(before, after))
+    checked = settings("shared_control.launch", "config:=%s" % (tmp_path / "config"))
+    assert checked["blender"].rate == 40
+    assert {checked[name].wheelchair.footprint.width for name in ("move_base", "blender", "doorway_assistant")} == {0.60}
 
 
 @pytest.mark.parametrize("pad, assist, cancel", [("ps3_kernel", 0, 1), ("ps3_sixad", 14, 13)])

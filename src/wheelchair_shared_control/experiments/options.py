@@ -138,7 +138,7 @@ def add_episode_options(parser, without=()):
     add("--dead-time", type=number(0.0, 2.0, "s"), metavar="S", help="of the plant, and what planner and guard know")
     add("--lag", type=number(0.0, 2.0, "s"), metavar="S", help="of the plant, and what planner and guard know")
     add("--drift", type=number(0.0, 10.0), metavar="X", help="odometry errors times X (0: none)")
-    add("--map", metavar="FILE", help="map_server YAML, .sdf, .obj, .stl or .dae as the world")
+    add("--map", metavar="FILE", help="map_server YAML, .sdf, .obj, .stl, .dae or .ply as the world")
     add("--doors", metavar="FILE", help="YAML file of the world's annotated doors")
     add("--door", metavar="NAME", help="name of the door to cross (default: by the seed)")
     add("--side", type=int, choices=(0, 1), help="side of the door to start from (default: by the seed)")

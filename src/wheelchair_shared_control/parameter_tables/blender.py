@@ -5,7 +5,7 @@ INCLUDES = ["wheelchair"]
 
 TABLE = [
     P("policy", str, "", None, None, "row of the policies table, or path.py:function"),
-    P("guard", bool, "", None, None, "false reproduces the paper, which has none"),
+    P("guard", bool, "", None, None, "false as in the paper, which has none (the limiter stays)"),
     P("rate", float, "Hz", 28.0, 62.0, "ticks while no new user's command arrives"),
     P("odom_frame", str, "", None, None, "frame of odometry, costmap and markers"),
     P("rangers", bool, "", None, None, "whether the chair has the six rangers; without them a dead costmap stops it"),

@@ -1,7 +1,7 @@
 """Annotated doors of a real building: clear width, plane and middle of the gap, from the map itself.
 
 A doors file is a list of mappings: ``name``, ``door_corner_pt_1`` and ``_2`` (x, y), and ``approach``, two
-poses (``point``: x, y, yaw), one on each side; they only say which side is which (design section 4).
+poses (``point``: x, y, yaw), one on each side; they only say which side is which.
 """
 from typing import NamedTuple
 

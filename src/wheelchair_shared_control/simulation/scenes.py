@@ -1,6 +1,6 @@
 """Scenes: the paper's four, scenes from YAML, and the one way from a description to world, door and start.
 
-The four scenes (paper Fig. 3d, measures of the design): a wall with a door in it at x = 0, crossed along +x;
+The four scenes (paper Fig. 3d; the measures are ours): a wall with a door in it at x = 0, crossed along +x;
 a room 6 m deep and 5 m wide before it; beyond the door nothing, or walls along the normal.
 """
 from pathlib import Path

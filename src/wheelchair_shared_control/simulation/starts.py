@@ -1,4 +1,4 @@
-"""Where the chair starts: drawn by the seed, before a scene's door or a real one (design section 4)."""
+"""Where the chair starts: drawn by the seed, before a scene's door or a real one."""
 import numpy as np
 
 from wheelchair_shared_control import footprint as footprints
