@@ -8,8 +8,8 @@ P2 lie, as shares of the distance, is chosen each cycle among a few: the curve t
 the chair is nearer to the door than ``hand_over``, one curve goes to the goal. Where no curve is free, or the door
 lies too far aside, the chair turns on the spot, towards the point ``square`` before the door.
 
-Assumed: the planner is told a goal, not a door, so the door is where the assistant's goals put it, ``door_before_goal`` behind
-the goal on its axis; the weights of bending and clearance; the originals' controller is replaced by ours, which
+Assumed: the planner is told a goal, not a door, so the door is where the assistant's goals put it, ``door_before_goal``
+behind the goal on its axis; the weights of bending and clearance; the originals' controller is replaced by ours, which
 follows a curve as any path and brakes before what would not stay clear.
 """
 import numpy as np

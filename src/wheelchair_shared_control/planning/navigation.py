@@ -19,7 +19,7 @@ from wheelchair_shared_control.values import STOP, Twist
 
 IDLE, ACTIVE, SUCCEEDED, ABORTED = "idle", "active", "succeeded", "aborted"
 PUSHING = 0.05  # m/s: above this a person drives forward; so far the other way the person pulls back
-AT_REST = 0.02  # m/s, rad/s: less of both is a stick at rest (as the blender's stick/dead_zone_*), which holds the chair
+AT_REST = 0.02  # m/s, rad/s: less of both is a stick at rest, as the blender's stick/dead_zone_*
 BACK_TIMES = 4  # how often for one goal
 FAR_ENOUGH, FACING = 1.8, 0.10  # m, rad: when the chair looks towards its goal first
 TURNING = 0.6  # rad/s: mean rate of a turn on the spot
