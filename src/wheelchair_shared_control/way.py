@@ -42,7 +42,10 @@ class Way:
         return tuple(self._legs)
 
     def turn_to(self, now, pose, twist, error):
-        """Stick that turns the chair by ``error`` [rad] on the spot; along the way first where walls forbid that."""
+        """Stick that turns the chair by ``error`` [rad] on the spot; along the way first where walls forbid that.
+
+        A chair that is held there is first driven back a little.
+        """
         here = self._on_line(pose)
         if self._stuck(now):
             self._back_off(here)

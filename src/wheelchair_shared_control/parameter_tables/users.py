@@ -26,7 +26,7 @@ TABLE = [
     P("drive/square", float, "m", 0.5, 2.0, "the axis is met at least so far before the plane"),
     P("drive/beyond", float, "m", 0.2, 3.0, "the person stops so far beyond the plane"),
     P("drive/stuck_time", float, "s", 0.5, 20.0, "pushed so long without moving: back off"),
-    P("drive/pull_time", float, "s", 0.0, 20.0, "how long the stick is then pulled back while assisted"),
+    P("drive/pull_time", float, "s", 0.0, 20.0, "so long it is then pulled back if assisted (below cancel/stick_time)"),
     P("drive/back_off", float, "m", 0.0, 1.0, "so far"),
     P("plan/clearance", float, "m", 0.0, 0.5, "room that the person wants around the chair on the way"),
     P("plan/minimum", float, "m", 0.0, 0.2, "least room on the way"),
