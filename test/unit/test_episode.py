@@ -2,10 +2,12 @@
 import numpy as np
 import pytest
 
+from wheelchair_shared_control.assistance import ASSISTING, MANUAL
 from wheelchair_shared_control.experiments import graph, options, results
 from wheelchair_shared_control.experiments.episode import Episode
 from wheelchair_shared_control.simulation.simulator import Simulator
 from wheelchair_shared_control.simulation.world import SceneError
+from wheelchair_shared_control.values import Twist
 
 SMALL = options.CAMERAS["160x120"]
 CLOSE = dict(start_distance=(1.6, 1.6), start_heading=(0.0, 0.0), start_offset=(0.0, 0.0))
@@ -70,3 +72,20 @@ def test_a_scene_without_a_door_is_refused_by_its_name(tmp_path):
     )
     with pytest.raises(SceneError, match="box.yaml: has no door"):
         Episode(options.Options(scene=str(path)), seed=1)
+
+
+def test_who_takes_the_stick_after_the_end_is_heard_under_the_planner_alone():
+    """``escape_m`` is what a person gets who pulls the stick back; under ``planner`` that ends the assistance."""
+    chosen = options.Options(policy="planner", detector=False, camera=SMALL, **CLOSE)
+    episode = Episode(chosen, seed=3)
+    with Simulator(episode.world, episode.settings.simulator, 3, episode.setup.start, chosen.camera) as simulator:
+        loop = graph.Graph(chosen, episode.setup, 3, episode.settings, simulator)
+        while loop.assistance.state != ASSISTING:
+            assert simulator.time < 5.0
+            loop.tick()
+        loop.override_user(Twist(-0.3, 0.0))
+        until = simulator.time + 4.0
+        while simulator.time < until:
+            loop.tick()
+        assert loop.assistance.state == MANUAL
+        assert loop.state.sent[0] < -0.1

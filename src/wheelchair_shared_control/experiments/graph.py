@@ -175,8 +175,9 @@ class Graph:
         return self._decision
 
     def override_user(self, command):
-        """Let ``command`` stand for the simulated user's from now on."""
+        """Let ``command`` stand for the simulated user's from now on; it is heard under every policy."""
         self._user, self._user_command, self._pressed = None, command, False
+        self._planner_alone = False
 
     def tick(self):
         """Advance simulation and graph by one step."""
