@@ -5,6 +5,8 @@ long as one assistance. ``POLICIES`` is the table that node, experiments and ben
 """
 import importlib.util
 import math
+import sys
+import traceback
 from pathlib import Path
 
 import numpy as np
@@ -220,6 +222,9 @@ POLICIES = {
     "minimum_vfh": minimum_vfh,
 }
 
+# how the words begin with which a policy's own failure ends an assistance
+FAILED = ("policy raised", "policy gave")
+
 # What each policy cannot do without; one that is not listed (a function of one's own) is given all there is.
 NEEDS_PREDICTION = {"learned_variance", "learned_confidence"}
 NEEDS_NO_PLANNER = {"user", "assisted_teleop", "intent", "case_based", "minimum_vfh"}
@@ -240,10 +245,14 @@ def load_policy(name):
     if spec is None:
         raise PolicyError("policy '%s': %s is no Python file" % (name, path))
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses and pickle look it up
+    folder = str(Path(path).resolve().parent)
+    if folder not in sys.path:
+        sys.path.append(folder)  # what stands beside the file can be imported, and hides nothing
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # whatever a stranger's file raises must end in one line
-        raise PolicyError("policy '%s': %s: %s" % (name, type(error).__name__, " ".join(str(error).split())))
+    except (Exception, SystemExit) as error:  # whatever a stranger's file raises must end in one line
+        raise PolicyError("policy '%s': %s" % (name, _in_one_line(error, path)))
     policy = getattr(module, function, None)
     if not callable(policy):
         raise PolicyError("policy '%s': %s has no function '%s'" % (name, path, function))
@@ -259,7 +268,7 @@ def prepare(policy, settings):
         except Error as error:
             raise PolicyError(str(error))
         except Exception as error:  # a stranger's function
-            raise PolicyError("policy's prepare: %s: %s" % (type(error).__name__, " ".join(str(error).split())))
+            raise PolicyError("policy's prepare: %s" % _in_one_line(error))
 
 
 def decided(policy, tick, memory):
@@ -269,19 +278,42 @@ def decided(policy, tick, memory):
     """
     try:
         result = policy(tick, memory)
-        result = result if isinstance(result, PolicyResult) else PolicyResult(*result)
-        v, w = result.command
-        result = result._replace(command=Twist(float(v), float(w)))
     except Exception as error:  # a stranger's function: the chair must outlive it
-        raise PolicyError("policy raised %s: %s" % (type(error).__name__, " ".join(str(error).split())))
+        raise PolicyError(FAILED[0] + " %s" % _in_one_line(error))
+    try:
+        given = result if isinstance(result, PolicyResult) else PolicyResult(*result)
+        v, w = given.command
+        beta = None if given.beta is None else float(given.beta)
+        given = PolicyResult(Twist(float(v), float(w)), beta, given.reason, float(given.sigma))
+        if not isinstance(given.reason, str) or (beta is not None and not math.isfinite(beta)):
+            raise ValueError
+        result = given
+    except (TypeError, ValueError):
+        raise PolicyError(
+            FAILED[1] + " %.80s, not ((v, w), beta, reason): two numbers, a finite number or None, words" % (result,)
+        )
     if not (math.isfinite(result.command.v) and math.isfinite(result.command.w)):
-        raise PolicyError("policy gave a command that is not finite")
+        raise PolicyError(FAILED[1] + " a command that is not finite")
     return result
+
+
+def _in_one_line(error, path=None):
+    """An exception in one line, with the line of a stranger's file ``path`` (or of any file) that it came from."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    if path is not None:
+        frames = [frame for frame in frames if Path(frame.filename).name == Path(path).name]
+    where = " (%s, line %d)" % (Path(frames[-1].filename).name, frames[-1].lineno) if frames else ""
+    return "%s: %s%s" % (type(error).__name__, " ".join(str(error).split()), where)
 
 
 def needs_prediction(name):
     """Whether a policy refuses to work without the task model."""
     return name in NEEDS_PREDICTION
+
+
+def leads(name):
+    """Whether a policy may lead the chair elsewhere than the stick does, and a fault of it must end in letting go."""
+    return name not in ("user", "assisted_teleop")
 
 
 def needs_planner(name):

@@ -17,6 +17,7 @@ from wheelchair_shared_control.ranging import RangePoints
 from wheelchair_shared_control.values import CLOCK_SLIP, STOP, Doorway, Odometry, Ranges, Twist
 
 NEVER = -math.inf
+WAITS, CENTRE = "waiting for", "centre the stick to drive on"  # in a reason, read by referee and experiments
 
 
 class Inputs(NamedTuple):
@@ -205,13 +206,15 @@ class SharedControl:
         elif user_problem and not alone:
             reason = user_problem
         elif self._centre and not alone:
-            reason = self._centre + "; centre the stick to drive on"
+            reason = "%s; %s" % (self._centre, CENTRE)
         elif self._late:
             reason = self._late
         else:
             drives, stopped = True, False
-            result, reason = self._command(inputs, prediction, user, sensors)
+            result, reason = self._command(inputs, prediction, user, sensors, ages)
             blended = result.command
+        if self._fault and not reason.startswith(self._fault):
+            reason = _joined(self._fault, reason)  # the assistant must hear of it, whatever else there is to say
         # ``drives`` False: the command ramps down at the acceleration limit, without regard to jerk
         limited = self.limiter.step(blended, dt) if drives else self.limiter.ramp_down(dt)
 
@@ -232,10 +235,11 @@ class SharedControl:
             now, inputs.user, inputs.planner, blended, sent, *features_,
             *learned[:4], math.nan if result is None else result.sigma, None if result is None else result.beta,
             learned[4], sensors.clearance, guard_state, self.policy_name, reason,
-            stopped or guard_state == STOPPED, drives and self._by_policy, self._fault, ages, guard_point,
+            stopped or guard_state == STOPPED, self._by_policy and self._assisting(inputs), self._fault, ages,
+            guard_point,
         )
 
-    def _command(self, inputs, prediction, user, sensors):
+    def _command(self, inputs, prediction, user, sensors, ages):
         """The policy's result, or the user's command where nobody assists."""
         self._by_policy = False
         limits = self.settings.wheelchair.limits
@@ -251,10 +255,15 @@ class SharedControl:
             return blending.PolicyResult(user, None), waits
         planner = STOP if inputs.planner is None else within_limits(inputs.planner, limits)
         self._by_policy = True
+        if not self._needs_prediction and ages["prediction"] > self.settings.ages.prediction:
+            prediction = None  # no fault where a policy can do without
+        # copies: whatever a function of somebody's own does to them, guard and graph see the world as it is
         tick = blending.Tick(
-            inputs.now, user, planner, np.asarray(inputs.odometry.pose, dtype=float), inputs.odometry.twist,
-            self._features(inputs), sensors.clearance, prediction, self.density_floor, inputs.grid,
-            sensors.scene.still, inputs.goal, inputs.doorway, inputs.doorways, self.settings,
+            inputs.now, user, planner, np.array(inputs.odometry.pose, dtype=float), inputs.odometry.twist,
+            self._features(inputs), sensors.clearance, prediction, self.density_floor,
+            None if inputs.grid is None else inputs.grid._replace(cells=inputs.grid.cells.copy()),
+            sensors.scene.still.copy(), None if inputs.goal is None else np.array(inputs.goal, dtype=float),
+            _copied(inputs.doorway), tuple(map(_copied, inputs.doorways)), self.settings,
         )
         try:
             result = blending.decided(self._policy, tick, self._memory)
@@ -268,9 +277,9 @@ class SharedControl:
     def _waits(self, inputs, prediction):
         """What the policy still waits for after the assistance began, in words; the user drives meanwhile."""
         if self._needs_planner and inputs.planner_stamp < self._assisting_since:
-            return "waiting for the planner's first command"
+            return WAITS + " the planner's first command"
         if self._needs_prediction and prediction is None:
-            return "waiting for the task model's first answer"
+            return WAITS + " the task model's first answer"
         return ""
 
     # ---- ages and faults ---------------------------------------------------------------------------------
@@ -307,7 +316,7 @@ class SharedControl:
             problem = _too_old("ranger ir_" + ranger, ages["ranges"], limits.ranges)
         dead = ages["costmap_silence"] > limits.costmap_silence
         if dead and not self._dead_costmap:
-            self._centre = "no costmap for %.1f s" % ages["costmap_silence"]
+            self._centre = self._centre or "no costmap for %.1f s" % ages["costmap_silence"]
         elif self._dead_costmap and not dead and self._centre.startswith("no costmap"):
             self._centre = ""
         self._dead_costmap = dead
@@ -317,6 +326,8 @@ class SharedControl:
             problem = _too_old("costmap", ages["costmap"], limits.costmap)
         grid = None if dead else inputs.grid
         points = self._ranges.points()
+        if not self.settings.rangers and abs(ages["ranges"]) > limits.ranges:
+            points = points[:0]  # the chair does without them: what nobody reads any more holds it no longer
         if grid is not None and ages["costmap"] >= -limits.costmap:
             self._moving.update(grid, odometry.pose)  # which passes over all that is older
         moving_cells = None if grid is None else self._moving
@@ -346,12 +357,11 @@ class SharedControl:
         """Edges of the assistance's state, and the faults that end it here."""
         before, self._assistance = self._assistance, inputs.assistance
         if inputs.assistance == ASSISTING and before != ASSISTING:
-            self._memory, self._fault, self._assisting_since = {}, "", inputs.now
+            self._memory, self._fault, self._assisting_since, self._by_policy = {}, "", inputs.now, False
         elif before == ASSISTING and inputs.assistance != ASSISTING:
             # Arrival and cancel hand over through the limiter; after a fault the person must let go first.
             # Where the person drove alone anyway, there is nothing to let go of.
-            shared = self._needs_planner or self._needs_prediction
-            if inputs.assistance == FAULT and not self._fault and shared:
+            if inputs.assistance == FAULT and not self._fault and blending.leads(self.policy_name):
                 self._centre = "the assistance ended with a fault"
             self._fault = ""
         self._late = ""
@@ -359,6 +369,7 @@ class SharedControl:
             self._late_since = None
             return
         limits, began = self.settings.ages, inputs.now - self._assisting_since
+        heard = self._needs_planner and inputs.planner_stamp >= self._assisting_since  # not of a former assistance
         planner_age, prediction_age = min(ages["planner"], began), min(ages["prediction"], began)
         if prediction_age <= limits.prediction:
             self._late_since = None
@@ -369,9 +380,9 @@ class SharedControl:
             self._end_assistance("no costmap")
         elif self._needs_planner and planner_age > limits.planner:
             self._end_assistance(_too_old("planner's command", ages["planner"], limits.planner))
-        elif self._needs_planner and inputs.planner is not None and not np.isfinite(inputs.planner).all():
+        elif heard and inputs.planner is not None and not np.isfinite(inputs.planner).all():
             self._end_assistance("planner's command (%g, %g) is not finite" % inputs.planner)
-        elif self._needs_planner and not inputs.planner_planar:
+        elif heard and not inputs.planner_planar:
             self._end_assistance("planner's command leaves the plane")
         elif self._needs_prediction and prediction_age > limits.prediction:
             # A blender that was held up itself finds its last answer old; the next one is a tick away. So the chair
@@ -415,6 +426,10 @@ def _arrivals(inputs):
     return [
         (name, getattr(inputs, name)) for name in ("user_stamp", "planner_stamp", "grid_received", "prediction_stamp")
     ]
+
+
+def _copied(doorway):
+    return None if doorway is None else doorway._replace(pose=np.array(doorway.pose, dtype=float))
 
 
 def _finite(odometry):

@@ -304,10 +304,14 @@ def _from_file(path, settings):
     steps = content.get("steps")
     if not isinstance(steps, list) or not steps:
         raise UserError("%s: steps must be a list with at least one step" % path)
-    return [_step(path, number, step) for number, step in enumerate(steps, 1)], settings
+    steps = [_step(path, number, step, settings) for number, step in enumerate(steps, 1)]
+    for number, step in enumerate(steps[:-1], 1):
+        if step.distance is None and not np.isfinite(step.seconds):
+            raise UserError("%s: step %d needs an end, seconds or distance: other steps follow" % (path, number))
+    return steps, settings
 
 
-def _step(path, number, given):
+def _step(path, number, given, settings):
     where = "%s: step %d" % (path, number)
     if not isinstance(given, dict) or "do" not in given:
         raise UserError("%s: must be a mapping with a key 'do'" % where)
@@ -326,6 +330,14 @@ def _step(path, number, given):
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
             raise UserError("%s: %s is %r, must be a finite number" % (where, key, value))
         numbers[key] = float(value)
+    if numbers.get("seconds", 1.0) <= 0.0:
+        raise UserError("%s: seconds is %g, must be above 0" % (where, numbers["seconds"]))
+    limits = settings.wheelchair.limits
+    for key, limit, unit in (("v", limits.speed, "m/s"), ("w", limits.turn_rate, "rad/s")):
+        if key in numbers and given["do"] != "push":
+            raise UserError("%s: %s belongs to 'push', not to '%s'" % (where, key, given["do"]))
+        if abs(numbers.get(key, 0.0)) > limit:
+            raise UserError("%s: %s is %g, the chair's limit is %g %s" % (where, key, numbers[key], limit, unit))
     return Step(
         given["do"],
         numbers.get("seconds", np.inf),

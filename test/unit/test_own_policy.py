@@ -1,5 +1,7 @@
 """The page on policies, scenes and users of one's own does what it says: its files are run as they stand."""
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -37,7 +39,36 @@ def test_the_page_s_policy_is_short_and_crosses_in_the_page_s_scene_with_the_pag
     assert "steered.py:steered,move_base,tired.yaml,store.yaml" in compare.to_csv(rows)
 
 
-def test_a_function_without_a_planner_s_command_waits_and_one_that_raises_ends_the_assistance(files):
+def test_what_stands_beside_a_policy_can_be_imported_and_a_failure_names_its_line(tmp_path):
+    (tmp_path / "beside_mine.py").write_text("HALF = 0.5\n", encoding="utf-8")
+    mine = tmp_path / "mine_too.py"
+    mine.write_text(
+        "from __future__ import annotations\nfrom dataclasses import dataclass\nimport beside_mine\n\n\n@dataclass\n"
+        "class Own:\n    share: float = beside_mine.HALF\n\n\ndef mine(tick, memory):\n    return Own().none\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(blending.PolicyError, match=r"AttributeError: .* \(mine_too.py, line 12\)"):
+        blending.decided(blending.load_policy("%s:mine" % mine), None, {})
+    mine.write_text("import sys\nsys.exit(3)\n", encoding="utf-8")
+    with pytest.raises(blending.PolicyError, match=r"SystemExit: 3 \(mine_too.py, line 2\)"):
+        blending.load_policy("%s:mine" % mine)
+
+
+@pytest.mark.parametrize("command", ["evaluate", "compare"])
+def test_a_policy_that_fails_is_no_result(tmp_path, command):
+    (tmp_path / "bad.py").write_text("def bad(tick, memory):\n    return 1 / 0\n", encoding="utf-8")
+    name = "%s/bad.py:bad" % tmp_path
+    words = ["--policies", name, "--output", str(tmp_path / "out")] if command == "compare" else ["--policy", name]
+    words += ["--episodes", "1", "--camera", "160x120", "--detector", "truth"]
+    words += ["--json-file", str(tmp_path / "out.json")]
+    program = parameters.package_file("scripts/" + command)
+    done = subprocess.run([sys.executable, str(program)] + words, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and (tmp_path / "out.json").is_file()  # what was driven is written all the same
+    assert "the policy failed in 1 of 1 episodes" in done.stderr
+    assert "ZeroDivisionError: division by zero (bad.py, line 2)" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_the_page_s_policy_needs_a_planner_and_no_model_and_raises_in_one_line(files):
     name = files["steered.py"] + ":steered"
     assert blending.needs_planner(name) and not blending.needs_prediction(name)
     with pytest.raises(blending.PolicyError, match="policy raised AttributeError"):

@@ -153,8 +153,22 @@ def test_intent_leads_to_the_doorway_that_the_person_heads_for():
 
 
 def test_intent_lets_the_person_drive_who_wants_something_else():
-    result = drive_intent((0.36, 1.0), [(2.0, 0.65), (2.0, -0.25)], doorway=doorway(2.0, 0.2))
-    assert result.command == Twist(0.36, 1.0) or not result.reason.startswith("doorway")
+    memory = {}
+    for step in range(60):
+        led = intent.intent(tick((0.36, 0.0), doorway=doorway(2.0, 0.2), now=0.05 * step), memory)
+    assert led.beta is None
+    result = intent.intent(tick((0.1, 1.0), doorway=doorway(2.0, 0.2), now=3.0), memory)
+    assert result.command == Twist(0.1, 1.0) and result.beta == 1.0 and "the stick deviates" in result.reason
+
+
+def test_intent_takes_no_rest_for_agreement():
+    memory = {}
+    for now in (0.0, 0.05):
+        before = intent.intent(tick((0.36, 0.0), doorway=doorway(2.0, 0.2), now=now), memory)
+    for step in range(100):
+        intent.intent(tick((0.0, 0.0), doorway=doorway(2.0, 0.2), now=0.1 + 0.05 * step), memory)
+    after = intent.intent(tick((0.36, 0.0), doorway=doorway(2.0, 0.2), now=5.1), memory)
+    assert "the person drives" in before.reason and "the person drives" in after.reason
 
 
 def test_intent_leads_nowhere_before_it_is_confident_or_where_the_way_is_closed():
@@ -268,6 +282,13 @@ def test_the_driver_stays_until_another_is_better_by_the_hysteresis():
     # at t_c = T ln 2 the person and obstacle avoidance are equal: whoever drives goes on
     half = winner_takes_all.appropriateness(chances, "ahead", "ahead", own.time * math.log(2.0), own)
     assert half[winner_takes_all.USER] == pytest.approx(0.5) == half[winner_takes_all.AVOIDANCE]
+    for driver in (winner_takes_all.USER, winner_takes_all.AVOIDANCE):
+        memory = {"chances": chances, "now": 0.0, "driver": driver}
+        nearly = tick((0.5, 0.0), planner=(0.2, 0.0), points=wall(1.07, -0.5, 0.5))
+        assert winner_takes_all.winner_takes_all(nearly, memory).reason == driver
+    memory = {"chances": chances, "now": 0.0, "driver": winner_takes_all.USER}
+    near = tick((0.5, 0.0), planner=(0.2, 0.0), points=wall(0.85, -0.5, 0.5))
+    assert winner_takes_all.winner_takes_all(near, memory).reason != winner_takes_all.USER
 
 
 def test_the_distribution_forgets_with_its_window():

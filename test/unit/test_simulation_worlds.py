@@ -420,6 +420,13 @@ def test_bad_doors_files_are_refused(tmp_path, change, expected):
         doors.read(str(path))
 
 
+def test_a_scene_s_measures_belong_to_its_base(tmp_path):
+    path = tmp_path / "own.yaml"
+    path.write_text("door_width: 0.8\nboxes: [{x: 0, y: 2, length: 1, width: 1, height: 1}]\n", encoding="utf-8")
+    with pytest.raises(SceneError, match="own.yaml: 'door_width' belongs to a 'base'"):
+        scenes.load(str(path))
+
+
 def test_a_start_inside_a_wall_is_refused():
     with pytest.raises(SceneError, match="'start_pose' is .*the chair would stand in something"):
         scenes.setup({"start_pose": [-0.5, 2.0, 0.0]}, 1)

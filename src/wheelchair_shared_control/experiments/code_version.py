@@ -29,6 +29,7 @@ def digest(more=()):
     for pattern in CONFIG:
         files += config.glob(pattern)
     names = {_name(path, root, config): path for path in files}
+    names["urdf/wheelchair.urdf"] = parameters.package_file("urdf/wheelchair.urdf")  # masses and inertias
     result = hashlib.sha256()
     for name in sorted(names):
         content = names[name].read_bytes()

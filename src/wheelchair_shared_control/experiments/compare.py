@@ -298,15 +298,17 @@ def paired(rows, first, second, measure, rng):
     return found, int(np.isfinite(pairs).all(axis=1).sum())
 
 
-def write(folder, rows, command=""):
+def write(folder, rows, command="", stale=0):
     """Write ``episodes.csv``, ``summary.csv`` and ``table.md`` into ``folder``; returns the table.
 
-    Raises OutputError.
+    ``command`` and how many rows are ``stale``, made by other code, are said in the table. Raises OutputError.
     """
     folder = Path(folder)
     by = ("policy", "planner") if len({row["planner"] for row in rows}) > 1 else ("policy",)
     pairs = list(dict.fromkeys((row["policy"], row["planner"]) for row in rows))
     text = "Made by `%s`.\n\n%s" % (command, report(rows, by)) if command else report(rows, by)
+    if stale:
+        text = "**%d of the %d episodes were driven by other code.**\n\n%s" % (stale, len(rows), text)
     if len(pairs) > 1:
         text += "\n## Differences, episode by episode\n\n" + paired_markdown(rows, pairs[0], pairs[1:])
     for name, heading in (("user", "users"), ("scene", "scenes"), ("door_width", "door widths"), ("door", "doors")):

@@ -7,6 +7,7 @@ from wheelchair_shared_control.experiments import graph as graphs
 from wheelchair_shared_control.experiments import metrics, results
 from wheelchair_shared_control.experiments.recorder import Recorder
 from wheelchair_shared_control.experiments.referee import Referee, Verdict
+from wheelchair_shared_control.shared_control import CENTRE
 from wheelchair_shared_control.simulation import doors, person, scenes
 from wheelchair_shared_control.simulation.simulator import Simulator
 from wheelchair_shared_control.simulation.world import SceneError
@@ -128,17 +129,21 @@ class Episode:
         )
 
     def _escape(self, graph, simulator):
-        """How far [m] the chair gets in 5 s with the stick pushed the opposite way (through its middle)."""
+        """How far [m] the chair gets in 5 s with the stick pushed the opposite way.
+
+        Through its middle, and once more where the chair asks for that after a fault, as a person would.
+        """
         recent = self.log.user[self.log.time > self.log.time[-1] - STICK_WINDOW]
         recent = recent[np.isfinite(recent).all(axis=1)]
         if not len(recent):
             return 0.0
         poses, end = [simulator.truth().pose], simulator.time + ESCAPE_TIME
+        opposite = Twist(*(-recent.mean(axis=0)))
         graph.override_user(STOP)
         while simulator.time < end:
             graph.tick()
-            if len(poses) == graphs.CONTROL_EVERY:
-                graph.override_user(Twist(*(-recent.mean(axis=0))))
+            if len(poses) % graphs.CONTROL_EVERY == 0:
+                graph.override_user(STOP if CENTRE in graph.state.reason else opposite)
             poses.append(simulator.truth().pose)
         return metrics.corner_path(self.footprint, poses)
 

@@ -10,6 +10,7 @@ from wheelchair_shared_control.parameter_tables.move_base import PLANNERS
 
 SCENES = ("open", "left_wall", "right_wall", "hallway")
 USERS = ("goal_directed", "hard_left", "hard_right", "away", "frozen", "tremor", "switch", "random")
+POLICIES = ", ".join(blending.POLICIES)
 CAMERAS = {"640x480": (640, 480), "160x120": (160, 120)}
 
 
@@ -116,10 +117,10 @@ def add_episode_options(parser, without=()):
         else:
             parser.add_argument(name, **details)
 
-    add("--policy", default=defaults.policy, help="policy, or path.py:function (default %(default)s)")
-    add("--planner", default=defaults.planner, help="planner (default %(default)s)")
-    add("--user", default=defaults.user, help="simulated user, or a YAML file (default %(default)s)")
-    add("--scene", default=defaults.scene, help="scene, or a YAML file (default %(default)s)")
+    add("--policy", default=defaults.policy, help="%s, or path.py:function (default %%(default)s)" % POLICIES)
+    add("--planner", default=defaults.planner, help="%s (default %%(default)s)" % ", ".join(PLANNERS))
+    add("--user", default=defaults.user, help="%s, or a YAML file (default %%(default)s)" % ", ".join(USERS))
+    add("--scene", default=defaults.scene, help="%s, or a YAML file (default %%(default)s)" % ", ".join(SCENES))
     add("--door-width", type=number(0.3, 3.0, "m"), default=defaults.door_width, metavar="M",
         help="clear width of the scene's door (default %(default).2f m)")
     add("--clutter", action="store_true", help="put 3-6 boxes into the room")
@@ -140,8 +141,8 @@ def add_episode_options(parser, without=()):
     add("--drift", type=number(0.0, 10.0), metavar="X", help="odometry errors times X (0: none)")
     add("--map", metavar="FILE", help="map_server YAML, .sdf, .obj, .stl, .dae or .ply as the world")
     add("--doors", metavar="FILE", help="YAML file of the world's annotated doors")
-    add("--door", metavar="NAME", help="name of the door to cross (default: by the seed)")
-    add("--side", type=int, choices=(0, 1), help="side of the door to start from (default: by the seed)")
+    add("--door", metavar="NAME", help="name of the door to cross (default: by the seed; compare: every one)")
+    add("--side", type=int, choices=(0, 1), help="side of the door to start from (default: by the seed; compare: both)")
 
 
 def episode_options(args, users=None, scenes=None, planners=None, policies=None):

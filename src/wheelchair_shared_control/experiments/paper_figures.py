@@ -70,7 +70,7 @@ def variance_triangles(samples, footprint):
                 continue
             _costmap(axes, sample)
             _chair_with_triangle(axes, sample.state, footprint)
-            axes.set_xlabel("$\\sigma$ = %.2f rad/s\nuser's weight %.0f %%" % (sample.state.sigma,
+            axes.set_xlabel("$s$ = %.2f rad/s\nuser's weight %.0f %%" % (sample.state.sigma,
                             100.0 * sample.state.beta))
     return figure
 

@@ -1,6 +1,7 @@
 """The result of an episode as the dictionary that every command prints and stores."""
 import numpy as np
 
+from wheelchair_shared_control import blending
 from wheelchair_shared_control.experiments import metrics, smoothness
 from wheelchair_shared_control.footprint import from_settings
 from wheelchair_shared_control.guard import FREE, STOPPED
@@ -119,3 +120,10 @@ def _percent(value):
 
 def _metres(value):
     return "-" if value is None else "%.3f m" % value
+
+
+def refuse_failed_policy(rows):
+    """Raise PolicyError where a policy of somebody's own raised or gave no command: its figures mean nothing."""
+    reasons = [row["reason"] for row in rows if any(words in row["reason"] for words in blending.FAILED)]
+    if reasons:
+        raise blending.PolicyError("the policy failed in %d of %d episodes: %s" % (len(reasons), len(rows), reasons[0]))

@@ -33,6 +33,7 @@ TURN_ON_SPOT = math.radians(60.0)  # a waypoint further aside is turned to first
 def intent(tick, memory):
     """The trajectory of the task that the person is taken to be at, or their own command."""
     if at_rest(tick.user, tick.settings):
+        memory["now"] = tick.now  # a stick at rest says neither yes nor no
         return STICK_AT_REST
     own, limits = tick.settings.intent, tick.settings.wheelchair.limits
     dt = tick.now - memory.get("now", tick.now)

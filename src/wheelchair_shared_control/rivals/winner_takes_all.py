@@ -28,6 +28,7 @@ USER, AVOIDANCE, COLLISION = "the person", "obstacle avoidance", "collision avoi
 def winner_takes_all(tick, memory):
     """The winning behaviour's command; ``memory`` keeps the distribution and who drives."""
     if at_rest(tick.user, tick.settings):
+        memory["now"] = tick.now  # a stick at rest says neither yes nor no
         return STICK_AT_REST
     own, limits = tick.settings.winner_takes_all, tick.settings.wheelchair.limits
     asked = class_of(tick.user, limits)

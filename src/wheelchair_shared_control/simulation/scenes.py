@@ -161,6 +161,9 @@ def from_description(content, source):
     unknown = set(content) - {"name", "base", "boxes", "doors"} - set(measures)
     if unknown:
         raise SceneError("%s: unknown key '%s'" % (source, sorted(map(str, unknown))[0]))
+    if measures and "base" not in content:
+        raise SceneError("%s: '%s' belongs to a 'base'; without one 'boxes' and 'doors' say it" % (
+            source, sorted(measures)[0]))
     try:
         if "base" in content:
             base = build(content["base"], **{key: _number(source, key, value) for key, value in measures.items()})
