@@ -36,11 +36,6 @@ class Way:
         self._pulls_until = None
         self._backing, self._tries = False, 0
 
-    @property
-    def legs(self):
-        """Legs still ahead, for figures."""
-        return tuple(self._legs)
-
     def turn_to(self, now, pose, twist, error):
         """Stick that turns the chair by ``error`` [rad] on the spot; along the way first where walls forbid that.
 
