@@ -246,9 +246,7 @@ def load_policy(name):
         raise PolicyError("policy '%s': %s is no Python file" % (name, path))
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses and pickle look it up
-    folder = str(Path(path).resolve().parent)
-    if folder not in sys.path:
-        sys.path.append(folder)  # what stands beside the file can be imported, and hides nothing
+    _import_from(str(Path(path).resolve().parent))
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # whatever a stranger's file raises must end in one line
@@ -267,7 +265,7 @@ def prepare(policy, settings):
             own(settings)
         except Error as error:
             raise PolicyError(str(error))
-        except Exception as error:  # a stranger's function
+        except (Exception, SystemExit) as error:  # a stranger's function
             raise PolicyError("policy's prepare: %s" % _in_one_line(error))
 
 
@@ -278,7 +276,7 @@ def decided(policy, tick, memory):
     """
     try:
         result = policy(tick, memory)
-    except Exception as error:  # a stranger's function: the chair must outlive it
+    except (Exception, SystemExit) as error:  # a stranger's function: the chair must outlive it
         raise PolicyError(FAILED[0] + " %s" % _in_one_line(error))
     try:
         given = result if isinstance(result, PolicyResult) else PolicyResult(*result)
@@ -288,13 +286,31 @@ def decided(policy, tick, memory):
         if not isinstance(given.reason, str) or (beta is not None and not math.isfinite(beta)):
             raise ValueError
         result = given
-    except (TypeError, ValueError):
+    except Exception:  # whatever a stranger's object does when it is unpacked
         raise PolicyError(
-            FAILED[1] + " %.80s, not ((v, w), beta, reason): two numbers, a finite number or None, words" % (result,)
+            FAILED[1] + " %.80s, not ((v, w), beta, reason): two numbers, a finite number or None, words"
+            % " ".join(repr(result).split())
         )
     if not (math.isfinite(result.command.v) and math.isfinite(result.command.w)):
         raise PolicyError(FAILED[1] + " a command that is not finite")
     return result
+
+
+_FOLDERS = []  # of the policies' files, as far as they were put on the path here
+
+
+def _import_from(folder):
+    """Let what stands in ``folder`` be imported, after all else, and nothing from beside another policy's file."""
+    for name, module in list(sys.modules.items()):
+        if name != "__main__" and str(Path(getattr(module, "__file__", None) or "").parent) in _FOLDERS:
+            del sys.modules[name]
+    for former in _FOLDERS:
+        if former in sys.path:
+            sys.path.remove(former)
+    _FOLDERS.clear()
+    if folder not in sys.path:
+        sys.path.append(folder)
+        _FOLDERS.append(folder)
 
 
 def _in_one_line(error, path=None):

@@ -79,7 +79,7 @@ class RangePoints:
         """`WallsBeside.walls` at ``now`` [s], by default the stamp of the newest message."""
         return self._beside.walls(self._taken.max() if now is None else now)
 
-    def points(self):
-        """Points (n, 2) in odom [m] of the readings within range."""
-        points = self._points.reshape(-1, 2)
+    def points(self, since=-math.inf):
+        """Points (n, 2) in odom [m] of the readings within range, of those rangers that were heard after ``since``."""
+        points = self._points[self._valid >= since].reshape(-1, 2)
         return points[~np.isnan(points[:, 0])]

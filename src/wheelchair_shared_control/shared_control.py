@@ -261,9 +261,8 @@ class SharedControl:
         tick = blending.Tick(
             inputs.now, user, planner, np.array(inputs.odometry.pose, dtype=float), inputs.odometry.twist,
             self._features(inputs), sensors.clearance, prediction, self.density_floor,
-            None if inputs.grid is None else inputs.grid._replace(cells=inputs.grid.cells.copy()),
-            sensors.scene.still.copy(), None if inputs.goal is None else np.array(inputs.goal, dtype=float),
-            _copied(inputs.doorway), tuple(map(_copied, inputs.doorways)), self.settings,
+            _copied(inputs.grid), sensors.scene.still.copy(), _copied(inputs.goal), _copied(inputs.doorway),
+            tuple(map(_copied, inputs.doorways)), self.settings,
         )
         try:
             result = blending.decided(self._policy, tick, self._memory)
@@ -325,9 +324,8 @@ class SharedControl:
         if not dead and not problem and abs(ages["costmap"]) > limits.costmap:
             problem = _too_old("costmap", ages["costmap"], limits.costmap)
         grid = None if dead else inputs.grid
-        points = self._ranges.points()
-        if not self.settings.rangers and abs(ages["ranges"]) > limits.ranges:
-            points = points[:0]  # the chair does without them: what nobody reads any more holds it no longer
+        # a chair that does without rangers is not stopped by a silent one, and not held by what it read last
+        points = self._ranges.points() if self.settings.rangers else self._ranges.points(inputs.now - limits.ranges)
         if grid is not None and ages["costmap"] >= -limits.costmap:
             self._moving.update(grid, odometry.pose)  # which passes over all that is older
         moving_cells = None if grid is None else self._moving
@@ -428,8 +426,11 @@ def _arrivals(inputs):
     ]
 
 
-def _copied(doorway):
-    return None if doorway is None else doorway._replace(pose=np.array(doorway.pose, dtype=float))
+def _copied(value):
+    """The same with arrays of its own: an array, or a tuple with names (``Grid``, ``Doorway``)."""
+    if hasattr(value, "_fields"):
+        return value._replace(**{name: _copied(part) for name, part in zip(value._fields, value)})
+    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 def _finite(odometry):

@@ -108,7 +108,7 @@ class User:
         self._ask = AskForHelp(settings, button)
         self._command, self._hands = STOP, {}
         self._walk = np.zeros(2)  # the Ornstein-Uhlenbeck process of `random`
-        self._last = None
+        self._last = self._fault_since = None
 
     @property
     def began(self):
@@ -150,12 +150,22 @@ class User:
                 break
             self._index, self._step_since = self._index + 1, now
         step = self._steps[self._index]
+        if step.behaviour == "goal_directed" and self._lets_go(now, assistance_state):
+            return STOP
         command = BEHAVIOURS[step.behaviour](self, now, dt, pose, twist, assistance_state, step)
         if step.hand:
             if self._index not in self._hands:
                 self._hands[self._index] = HANDS[step.hand](self.settings, self._rng)
             command = self._hands[self._index](now, command)
         return command
+
+    def _lets_go(self, now, assistance_state):
+        """Whether the stick is let go for a moment, as the chair asks after a fault."""
+        if assistance_state != FAULT:
+            self._fault_since = None
+            return False
+        self._fault_since = now if self._fault_since is None else self._fault_since
+        return now - self._fault_since < self.settings.button.stand
 
     # ---- behaviours --------------------------------------------------------------------------------
 

@@ -49,6 +49,12 @@ def test_what_stands_beside_a_policy_can_be_imported_and_a_failure_names_its_lin
     )
     with pytest.raises(blending.PolicyError, match=r"AttributeError: .* \(mine_too.py, line 12\)"):
         blending.decided(blending.load_policy("%s:mine" % mine), None, {})
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "beside_mine.py").write_text("HALF = 0.25\n", encoding="utf-8")
+    (other / "third.py").write_text(
+        "import beside_mine\n\n\ndef mine(tick, memory):\n    return (0, 0), beside_mine.HALF\n", encoding="utf-8")
+    assert blending.decided(blending.load_policy("%s:mine" % (other / "third.py")), None, {}).beta == 0.25
     mine.write_text("import sys\nsys.exit(3)\n", encoding="utf-8")
     with pytest.raises(blending.PolicyError, match=r"SystemExit: 3 \(mine_too.py, line 2\)"):
         blending.load_policy("%s:mine" % mine)

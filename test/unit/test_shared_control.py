@@ -10,7 +10,7 @@ from wheelchair_shared_control.grid import Grid
 from wheelchair_shared_control.guard import DEGRADED, FREE
 from wheelchair_shared_control.shared_control import Inputs, SharedControl
 from wheelchair_shared_control.task_model import Prediction
-from wheelchair_shared_control.values import RANGERS, STOP, Odometry, Ranges, Twist
+from wheelchair_shared_control.values import RANGERS, STOP, Doorway, Odometry, Ranges, Twist
 
 SETTINGS = parameters.load("blender")
 LIMITS = SETTINGS.wheelchair.limits
@@ -300,6 +300,9 @@ def test_a_prediction_that_is_not_finite_ends_the_assistance(field):
         ("return Twist(float('nan'), 0.0), None, ''", "not finite"),
         ("return 1 / 0", "policy raised ZeroDivisionError"),
         ("return None", "policy gave None"),
+        ("yield 1", "policy gave <generator"),
+        ("return 10**400, None, ''", "policy gave (1000"),
+        ("import sys; sys.exit(3)", "policy raised SystemExit: 3"),
         ("return (0.1, 0.0), 'half', ''", "policy gave"),
         ("return (0.1, 0.0), None, 3", "policy gave"),
         ("return (0.1, 0.0), float('nan'), ''", "policy gave"),
@@ -321,18 +324,22 @@ def test_whatever_a_policy_does_to_its_tick_the_guard_sees_the_world_as_it_is(tm
     path.write_text(
         "def honest(tick, memory):\n    return tick.user, 1.0, ''\n\n"
         "def other(tick, memory):\n    tick.points[:] += 50.0\n    tick.pose[:] += 1.0\n    tick.grid.cells[:] = 0\n"
-        "    return tick.user, 1.0, ''\n"
+        "    tick.grid.surface[:] = 3\n    tick.doorway.jambs[:] = 9.0\n    return tick.user, 1.0, ''\n"
     )
     cells = np.zeros((120, 120), np.int8)
     cells[50:70, 76] = 100  # a wall 0.1 m before the front edge
+    surface = np.tile(np.array([0, 3, 0, 3], np.int8), (120, 120, 1))
+    door = Doorway(np.array([2.0, 0.0, 0.0]), 0.9, 1.0, np.zeros((2, 2)), np.zeros((3, 3)))
     sent = {}
     for name in ("honest", "other"):
         run = Run("%s:%s" % (path, name))
-        states = run.go(2.0, assistance=ASSISTING, grid=Grid(cells, 0.05, (-3.0, -3.0), 0.0))
+        grid = Grid(cells, 0.05, (-3.0, -3.0), 0.0, surface)
+        states = run.go(2.0, assistance=ASSISTING, grid=grid, changes={"doorway": door})
         assert states[-1].guard != FREE
         sent[name] = states[-1].sent
     assert sent["other"] == sent["honest"] and sent["other"].v < 0.3
     assert np.array_equal(run.values["odometry"].pose, np.zeros(3)) and cells.max() == 100
+    assert surface[0, 0].tolist() == [0, 3, 0, 3] and door.jambs.max() == 0.0
 
 
 def test_a_policy_of_ones_own_is_given_no_answer_of_a_dead_task_model(tmp_path):
@@ -394,6 +401,7 @@ def test_a_reading_of_rangers_that_the_chair_does_without_holds_it_no_longer_tha
     run.go(1.0, ranges=np.full(6, 0.10))
     turn = Twist(0.0, 0.5)
     assert run.go(1.0, user=turn)[-1].guard != FREE
+    assert run.go(1.0, ranges=np.array([np.nan] + [0.10] * 5))[-1].guard != FREE  # one silent, five speak
     assert run.go(2.0, dead=["ranges"])[-1].guard == FREE
 
 

@@ -370,6 +370,17 @@ def test_or_when_it_has_failed(settings, state):
 # ---- users that are not there, users from a file ------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", ["goal_directed", "tremor"])
+def test_after_a_fault_the_person_lets_the_stick_go_once(settings, name):
+    ride = Ride(settings, name, (-2.6, 0.0, 0.0))
+    ride.run(1.0, state=ASSISTING)
+    before = len(ride.log)
+    ride.run(2.0, state=FAULT)
+    stick = np.hypot(ride.column(4), ride.column(5))
+    still = stick[before:] == 0.0
+    assert still[0] and 2 <= still.sum() <= 10 and not still[int(still.sum()):].any()
+
+
 def test_a_user_from_a_file_does_its_steps_in_turn(settings, tmp_path):
     path = tmp_path / "hasty.yaml"
     path.write_text(

@@ -88,7 +88,7 @@ class Store:
 
     def __init__(self, folder, keep_stale=False):
         self.path = Path(folder) / STORE
-        self._keep_stale, self.stale = keep_stale, 0
+        self._keep_stale, self._stale = keep_stale, set()
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = open(str(self.path), "a", encoding="utf-8")
@@ -125,8 +125,17 @@ class Store:
                 stale.add(key)
                 if self._keep_stale:
                     rows[key] = row
-        self.stale = len(stale)
+        self._stale = stale
         return rows
+
+    @property
+    def stale(self):
+        """How many rows other code made."""
+        return len(self._stale)
+
+    def stale_among(self, keys):
+        """How many rows of these keys other code made."""
+        return len(self._stale.intersection(keys))
 
     def add(self, key, row):
         """Append a finished episode; it is on the disk when this returns."""
